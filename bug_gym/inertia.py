@@ -68,6 +68,9 @@ LEAST_PACE = 0.25
 FACE_SPACING = 0.05
 """How far apart points of a face are that is not seen [m]."""
 
+STANDS = 1e-6
+"""Speed below which a robot stands [m/s]."""
+
 NO_FACES = np.zeros((2, 0))
 
 Velocity = tuple[float, float]
@@ -476,16 +479,50 @@ def foreseen(view: View) -> Ahead:
     ahead = Ahead(0.0, 0.0, 0.0, view.velocity)
     if drive.latency == 0:
         return ahead
-    if view.under_way is None:
-        asked = [view.velocity] * drive.latency
-    else:
-        asked = [(0.0, 0.0)] * (drive.latency - len(view.under_way))
-        asked += [kinematics.asked_velocity(drive, action) for action in view.under_way]
-    for velocity in asked:
+    for velocity in _asked_before(view):
         ahead = after(drive, ahead, velocity)
     if drive.latency > 0 and drive.kinematics == "holonomic":
         ahead = ahead._replace(faces=_hidden_faces(view, math.hypot(ahead.x, ahead.y)))
     return ahead
+
+
+def _asked_before(view: View) -> list[Velocity]:
+    """What the commands under way ask for, the first one first."""
+    drive = view.sensors.drive
+    if view.under_way is None:
+        return [view.velocity] * drive.latency
+    asked = [kinematics.asked_velocity(drive, action) for action in view.under_way]
+    return [(0.0, 0.0)] * (drive.latency - len(asked)) + asked
+
+
+def way_to_stand(view: View, asked: Velocity) -> NDArray[np.float64]:
+    """Where a robot is now and after each step (k, 2) that asks for a velocity once and then to stand, until it does.
+
+    Args:
+        view: what it sees.
+        asked: ahead and to the left [m/s], or ahead [m/s] and a turn rate [rad/s].
+
+    Returns:
+        Places in its frame of now [m].
+    """
+    drive, ahead = view.sensors.drive, Ahead(0.0, 0.0, 0.0, view.velocity)
+    places = [(0.0, 0.0)]
+    for velocity in (*_asked_before(view), asked):
+        ahead = after(drive, ahead, velocity)
+        places.append((ahead.x, ahead.y))
+    speed = math.hypot(*ahead.velocity) if drive.kinematics == "holonomic" else abs(ahead.velocity[0])
+    while speed > STANDS and math.isfinite(drive.max_acceleration):
+        ahead = after(drive, ahead, (0.0, 0.0))
+        places.append((ahead.x, ahead.y))
+        speed -= drive.max_acceleration * drive.step
+    return np.array(places)
+
+
+def farthest_way(sensors: Sensors) -> float:
+    """The longest way [m] that a robot may drive before it stands, if it wants to from the next command on."""
+    drive = sensors.drive
+    braking = float(kernels.stopping_way(drive.max_speed, drive.max_acceleration, drive.step))
+    return sensors.step_length * (1 + drive.latency) + braking
 
 
 def _hidden_faces(view: View, reach: float) -> NDArray[np.float64]:

@@ -428,10 +428,20 @@ class TeamPolicy(ABC):
         if self._velocities is not None and self.sensors.drive.kinematics != "ackermann":
             swayed = zip(views, wishes, memories, strict=True)
             wishes = [self._swaying(view, wish, memory) for view, wish, memory in swayed]
-        actions = self._actions(views, wishes)
+        actions = self.last_word(views, memories, self._actions(views, wishes))
         if self._scans_kept:
             for view, memory in zip(views, memories, strict=True):
                 keep_scan(memory, view, self._scans_kept)
+        latency = self.sensors.drive.latency
+        if latency > 0 and not self.discrete:
+            for memory, action in zip(memories, actions, strict=True):
+                memory.under_way = [*memory.under_way, action.copy()][-latency:]
+        return actions
+
+    def last_word(
+        self, views: Sequence[View | None], memories: Sequence[Any], actions: list[NDArray[Any]]
+    ) -> list[NDArray[Any]]:
+        """What is sent in place of the actions that the velocities just desired come to."""
         return actions
 
     def _views(
@@ -447,6 +457,8 @@ class TeamPolicy(ABC):
         for view, memory in zip(views, memories, strict=True):
             if view is not None:
                 view.lately = memory.lately
+                if self.sensors.drive.latency > 0 and not self.discrete:
+                    view.under_way = memory.under_way
         return views
 
     @functools.cached_property

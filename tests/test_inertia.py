@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely import LineString, MultiPoint
 
 from bug_gym import kernels
+from bug_gym import kinematics as kinematics_of
 from bug_gym.agents import make_policy
 from bug_gym.config import Scenario, load
 from bug_gym.evaluation import evaluate
@@ -25,18 +26,21 @@ from bug_gym.inertia import (
     LEAST_ROOM,
     POST,
     are_cut_at_once,
+    farthest_way,
     needs_care,
     pace_in_sight,
     speed_within,
     stoppable_action,
     stoppable_actions,
     stopping_radius,
+    way_to_stand,
 )
 from bug_gym.kernels import stopping
 from bug_gym.kinematics import Drive
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
 from bug_gym.reproductions import still_things
+from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
 passes_side: Any = for_python(stopping.passes_side)
@@ -488,3 +492,29 @@ def test_bugs_with_inertia_arrive_and_touch_nothing_still(name: str, kinematics:
             observation, _, terminated, truncated, info = env.step(action)
             done = terminated or truncated
         assert info["outcome"] == "success"
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize(
+    "robot", [{"max_acceleration": 0.7}, {"latency": 0.3}, {"max_acceleration": 0.7, "latency": 0.2}]
+)
+def test_the_way_to_stand_is_the_one_that_the_robot_then_drives(kinematics: str, robot: dict[str, float]) -> None:
+    world = {"family": "empty", "bounds": [-30, -30, 30, 30], "start": [0, 0, 0], "goal": [25, 0]}
+    scenario = load({"robot": {"kinematics": kinematics, **robot}, "world": world})
+    sensors, simulation, rng = Sensors.of(scenario), Simulation(scenario, 1), np.random.default_rng(2)
+    drive = sensors.drive
+    stand = kinematics_of.steering(drive, (0.0, 0.0))
+    flat, under_way = simulation.reset(seeds=[0])[0, 0], list[Any]()
+    for number in range(10):
+        for _ in range(int(rng.integers(1, 15))):
+            action = rng.uniform(-1.0, 1.0, 2).astype(np.float32)
+            flat, under_way = simulation.step(action[None, None]).observation[0, 0], [*under_way, action]
+        latest = under_way[len(under_way) - drive.latency :]
+        view = View(flat, sensors, latest)
+        action = rng.uniform(-1.0, 1.0, 2).astype(np.float32)
+        foreseen = way_to_stand(view, kinematics_of.asked_velocity(drive, action))
+        assert np.linalg.norm(np.diff(foreseen, axis=0), axis=1).sum() <= farthest_way(sensors) + 1e-6
+        for place in foreseen[1:]:
+            flat, under_way = simulation.step(action[None, None]).observation[0, 0], [*under_way, action]
+            assert view.to_robot(*View(flat, sensors).position) == pytest.approx(place, abs=1e-4), number
+            action = stand

@@ -327,3 +327,16 @@ def test_robots_side_by_side_that_find_no_room_are_told_how_they_start() -> None
     env = bug_gym.parallel_env("rectangle_pair", robots=16)
     with pytest.raises(ValueError, match=r"robot 0 cannot start at .*16 robots start side by side, 2 m apart"):
         env.reset(seed=0)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.1, 0.3])
+def test_robots_with_latency_know_which_of_their_commands_have_yet_to_act(latency: float) -> None:
+    team, steps = march(SCATTERED | {"robot": {"latency": latency}}), round(latency / 0.1)
+    rows, memories = [np.full(team.sensors.width, 3.0, dtype=np.float32)] * 3, team.started(1)
+    sent = []
+    for _ in range(6):
+        sent.append(team.decide(rows, memories))
+        for robot, memory in enumerate(memories):
+            expected = [actions[robot] for actions in sent][max(len(sent) - steps, 0) :]
+            np.testing.assert_array_equal(memory.under_way, expected)
+            assert steps == 0 or len(memory.view.under_way) == min(len(sent) - 1, steps)

@@ -3,32 +3,42 @@
 Source: Kandathil, Mathew and Hiremath 2020, "Development and analysis of a novel obstacle avoidance strategy for a
 multi-robot system inspired by the Bug-1 algorithm", as Oni and Wang describe it (sections 2 and 4.2) to compare theirs
 with; law as in `bugs/bug1.py`. Sensing assumed: as Bug1's. Told: place by odometry, direction along the wall, nearest
-point and the way back to it, what is seen behind the own body. Memory kept: Bug1's. States: those of Bug1, hold,
-waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable, as Bug1. Length: of both on one
-obstacle 2 s + P + 2 lambda + g, with s to the hit, P the perimeter, lambda from the meeting to the nearest point and g
-from there.
+point and the way back to it, what is seen behind the own body. Memory kept: Bug1's, and where its half of the lap
+began. States: those of Bug1, hold, waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable, as
+Bug1. Length: of both on one obstacle 2 s + P + 2 lambda + g, with s to the hit, P the perimeter, lambda from the meeting
+to the nearest point and g from there; up to 2 s + 3 P until they know that there is no way.
 
 *Meeting.* Both have followed the wall for a while, in opposite directions, are a hand's breadth apart with no wall
 between, and have a hand on the same wall. They have walked half the perimeter each then, so the shorter way to the
 nearest point is that on which it was found: its finder goes back, the partner behind it. From there the finder goes
 on; where it sees the goal it goes alone (the stop rule of `bug_team`), else the partner follows 2 m behind.
 
+*No way.* What lies between their hit points neither of them has walked: a door may be there. So the two halves prove
+that there is no way only where the robots hit one wall a hand's breadth apart, with no gap between that one fits
+through. Else both turn round where they meet, and go back and on with the other hand on the wall, until they meet again:
+these halves have one beginning, and make a lap.
+
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
-round it as round an obstacle.
+round it as round an obstacle; a lap on which it did proves nothing. Two that have goals of their own drive by Bug1 each
+for itself: nearer than 2 m the second one stands, and the first goes round it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from bug_gym.agents.bugs.bug1 import Bug1, Bug1Memory
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import ROOM, Seen, closes, gap, least_gap
-from bug_gym.agents.walls.contour import CLOSER
+from bug_gym.agents.teams.partners import ROOM, Seen, are_linked, closes, gap, least_gap, points_told
+from bug_gym.agents.walls.contour import CLOSER, Contour
+from bug_gym.agents.walls.laps import is_parting
+from bug_gym.geometry import Point
 from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
 from bug_gym.policy import STANDING, MisfitError, Velocity
 from bug_gym.view import Sensors, View
@@ -55,6 +65,12 @@ class Bug1PairMemory(BugTeamMemory):
     """Whether it follows its partner back to the nearest point, and from there."""
     meetings: int = 0
     """How often the two have met behind an obstacle."""
+    lap: Contour | None = None
+    """The boundary that its law follows."""
+    hand: Point | None = None
+    """Where its hand lay as that began, team's frame [m]."""
+    is_joined: bool = False
+    """Whether its partner's half of the lap begins where its own does."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +92,6 @@ class Bug1Pair(BugTeam):
     Parameters = Bug1PairParameters
     parameters: Bug1PairParameters
     wants_room = True
-    may_part = False
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -99,8 +114,10 @@ class Bug1Pair(BugTeam):
         team = self.going(memories)
         self.check_winner(memories)
         seen = self.seen(team, memories)
-        if len(team) == 2 and self._meet(seen[0], *memories):
-            self._compare(*memories)
+        if len(team) == 2 and not memories[0].has_own_goal:
+            self._note_halves(seen, *memories)
+            if self._meet(seen[0], *memories):
+                self._compare(seen, *memories)
         wanted = [STANDING] * len(memories)
         for robot in sorted(team, key=lambda robot: memories[robot].is_behind):
             self.watch(robot, memories[robot], seen[robot].still)
@@ -125,16 +142,19 @@ class Bug1Pair(BugTeam):
         stands_there = not other.is_heard and other.word is not None
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.waited, memory.is_detouring = 0.0, False
+        if memory.has_own_goal and distance < BEHIND:
+            if robot == 1:
+                return self._hold(memory)
+            memory.is_detouring = True
         if memory.is_behind and memory.own.contour is None:
             if distance < BEHIND:
-                memory.mode = "hold"
-                memory.holds += memory.held == 0.0
-                memory.held += self.sensors.drive.step
-                return STANDING
+                return self._hold(memory)
             memory.is_behind = False
         if memory.pending is None:
             memory.pending = self._law(robot, team, memories).act(view, memory.own)
             self._forget_detour(memory)
+            if memory.is_detouring and memory.own.contour is not None:
+                memory.own.contour.is_disturbed = True
         if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
             memory.waited += self.sensors.drive.step
@@ -144,6 +164,13 @@ class Bug1Pair(BugTeam):
             return STANDING
         velocity, memory.pending, memory.mode = memory.pending, None, memory.own.mode
         return velocity
+
+    def _hold(self, memory: Bug1PairMemory) -> Velocity:
+        """Stand while the partner is near."""
+        memory.mode = "hold"
+        memory.holds += memory.held == 0.0
+        memory.held += self.sensors.drive.step
+        return STANDING
 
     def _law(self, robot: int, team: Sequence[int], memories: Sequence[Bug1PairMemory]) -> Bug1:
         """Bug1 to a side: the partner's other one while that is at a wall, else the one that lies away from it."""
@@ -175,6 +202,34 @@ class Bug1Pair(BugTeam):
 
     # --------------------------------------------------------------------------------------------- the meeting
 
+    def _note_halves(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:
+        """Note where halves of a lap begin, and whether both begin at one place of one wall."""
+        is_new = False
+        for memory in (one, other):
+            contour = memory.own.contour
+            if contour is not memory.lap:
+                assert memory.frame is not None
+                memory.lap, is_new = contour, True
+                memory.hand = memory.frame.to_team(contour.wall) if contour is not None else None
+        if is_new:
+            one.is_joined = other.is_joined = self._begin_together(seen, one, other)
+
+    def _begin_together(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether the two, of which one has just met a wall, have met it at one place."""
+        if one.lap is None or other.lap is None or one.lap.side == other.lap.side:
+            return False
+        assert one.frame is not None and other.frame is not None and one.hand is not None and other.hand is not None
+        apart = math.dist(one.frame.to_team(one.lap.hit), other.frame.to_team(other.lap.hit))
+        return apart <= self.meeting_gap and self._is_one_wall(one.hand, other.hand, seen, (one, other))
+
+    def _is_one_wall(
+        self, hand: Point, other_hand: Point, seen: Mapping[int, Seen], memories: Sequence[Bug1PairMemory]
+    ) -> bool:
+        """Whether the wall goes on from one hand to another, as both see it, without a gap that a robot fits through."""
+        points = np.concatenate([points_told(memory, seen[robot].view) for robot, memory in enumerate(memories)])
+        aside = 2.0 * self.laws[0].boundary.clearance
+        return are_linked(hand, other_hand, points, link=2.0 * self.sensors.radius, aside=aside)
+
     def _meet(self, seen: Seen, one: Bug1PairMemory, other: Bug1PairMemory) -> bool:
         """Whether the two meet behind an obstacle, as one of them sees it."""
         first, second = one.own.contour, other.own.contour
@@ -193,24 +248,17 @@ class Bug1Pair(BugTeam):
         x, y = seen.view.to_robot(*one.frame.to_odometry(other.word.place))
         return seen.view.free_distance(math.atan2(y, x), SIGHT) >= math.hypot(x, y)
 
-    def _compare(self, one: Bug1PairMemory, other: Bug1PairMemory) -> None:
-        """Choose the nearer of the nearest points; its finder leads back to it, or there is no way."""
+    def _compare(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:
+        """Choose the nearer of the nearest points; its finder leads back to it. Without one, look whether there is no way."""
+        finder = self._finder(one, other)
+        if finder is None:
+            self._end_halves(seen, one, other)
+            return
         one.meetings += 1
         other.meetings += 1
-        found = [memory for memory in (one, other) if memory.own.closest is not None]
-        if not found:
-            return
-        finder = min(found, key=lambda memory: memory.own.closest.distance if memory.own.closest else math.inf)
-        if finder is other and one.own.closest is not None and other.own.closest is not None:
-            is_equal = one.own.closest.distance <= other.own.closest.distance + SAME_DISTANCE
-            finder = one if is_equal else other
         follower = other if finder is one else one
         closest = finder.own.closest
         assert closest is not None and finder.frame is not None and follower.frame is not None
-        hit = min(one.own.hit_distance, other.own.hit_distance)
-        if not closest.is_open or closest.distance >= hit - CLOSER * self.step:
-            one.own.verdict = other.own.verdict = "unreachable"
-            return
         finder.own.way_back = finder.own.trace[closest.index :]
         follower.own.way_back = [
             follower.frame.to_odometry(finder.frame.to_team(place)) for place in finder.own.way_back
@@ -218,3 +266,58 @@ class Bug1Pair(BugTeam):
         for memory in (finder, follower):
             memory.own.mode, memory.pending = "return_to_closest", None
             memory.is_behind = memory is follower
+
+    def _finder(self, one: Bug1PairMemory, other: Bug1PairMemory) -> Bug1PairMemory | None:
+        """Who has found the nearer nearest point, of equals the first; None where no way leads on from there.
+
+        It is nearer to the goal than both hit points, and the way between them is not: it may be left for it even where
+        nobody has walked that way.
+        """
+        near, nearer = one.own.closest, other.own.closest
+        if near is None or (nearer is not None and nearer.distance < near.distance - SAME_DISTANCE):
+            finder, closest = other, nearer
+        else:
+            finder, closest = one, near
+        hit = min(one.own.hit_distance, other.own.hit_distance)
+        if closest is None or not closest.is_open or closest.distance >= hit - CLOSER * self.step:
+            return None
+        return finder
+
+    def _end_halves(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:
+        """There is no way where the halves make a lap that parts the two from the goal; else they turn round."""
+        half, other_half = one.own.contour, other.own.contour
+        assert half is not None and other_half is not None and one.frame is not None and other.frame is not None
+        hands = one.frame.to_team(half.wall), other.frame.to_team(other_half.wall)
+        if not self._is_one_wall(*hands, seen, (one, other)):
+            return
+        one.meetings += 1
+        other.meetings += 1
+        is_lap = one.is_joined and not any(lap.is_disturbed or lap.lost_gates for lap in (half, other_half))
+        if is_lap and part_from_goal(half, other_half):
+            one.own.verdict = other.own.verdict = "unreachable"
+            return
+        for robot, memory in enumerate((one, other)):
+            self._turn_round(memory, seen[robot].view, vain=is_lap)
+            memory.is_joined = True
+
+    def _turn_round(self, memory: Bug1PairMemory, view: View, *, vain: bool) -> None:
+        """Begin a half of a lap with the other hand on the wall; `vain`: that which ends here was one that proves nothing."""
+        own, before = memory.own, memory.own.contour
+        assert before is not None and memory.frame is not None
+        x, y = view.to_robot(*before.wall)
+        contour = self.by_side[-before.side].boundary.lay_hand(view, -before.side, math.atan2(y, x))
+        contour.been, contour.hit_distance = before.been, before.hit_distance
+        contour.vain_laps = before.vain_laps + vain
+        own.contour = memory.lap = contour
+        own.gate, own.trace, own.closest, memory.pending = None, [], None, None
+        memory.hand = memory.frame.to_team(contour.wall)
+
+
+def part_from_goal(one: Contour, other: Contour) -> bool:
+    """Whether two halves of a lap, walked in opposite directions, part the two from the goal."""
+    return is_parting(
+        turned=one.side * one.turned + other.side * other.turned,
+        wound=one.wound - other.wound,
+        length=one.odometer + other.odometer,
+        farthest=max(math.dist(half.been or half.hit, half.hit) for half in (one, other)),
+    )

@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
-from bug_gym.agents.teams.partners import Seen, SeeThrough
+from numpy.typing import NDArray
+
+from bug_gym.agents.teams.partners import ROOM, Seen, SeeThrough, farthest_blocker, least_gap, way_asked, who_goes
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import BugMemory
-from bug_gym.log import warn_once
-from bug_gym.policy import STANDING, Drawing, Velocity
+from bug_gym.kinematics import asked_velocity, steering
+from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
 
@@ -64,15 +66,22 @@ class BugTeamMemory(TeamMemory):
 
 
 class BugTeam(TeamPolicy):
-    """A team of bugs that stop for the first of them that is known to arrive."""
+    """A team of bugs that stop for the first of them that is known to arrive.
+
+    Raises:
+        MisfitError: discrete actions of robots with inertia; and what TeamPolicy refuses.
+    """
 
     laws: Sequence[BoundaryBug]
     """Law of each robot."""
-    may_part: ClassVar[bool] = True
-    """Whether the laws are of use to robots that go to goals of their own."""
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
+        if discrete and sensors.drive.has_inertia:
+            name = type(self).__name__
+            raise MisfitError(
+                f"{name} keeps robots that cannot stop at once apart by braking, which no discrete action does"
+            )
         self.step = sensors.step_length
         self.goal_sight = sensors.range + sensors.goal_radius
         """How near a goal is that a scan may show to be free [m]."""
@@ -107,11 +116,7 @@ class BugTeam(TeamPolicy):
             goals = [memory.word.goal for memory in memories if memory.word is not None]
             has_own = any(math.dist(goal, goals[0]) > OWN_GOAL for goal in goals)
             for memory in memories:
-                memory.has_own_goal = has_own and self.may_part
-            if has_own and not self.may_part:
-                warn_once(
-                    f"{type(self).__name__}: robots have goals of their own, expected one: all stop for who arrives first"
-                )
+                memory.has_own_goal = has_own
 
     # ------------------------------------------------------------------------------------------- what a law sees
 
@@ -147,6 +152,33 @@ class BugTeam(TeamPolicy):
             own.contour.is_disturbed = True
         if not own.glances:  # the law's own glances are never due
             own.glances, own.glance_age = [still()], -math.inf
+
+    # ------------------------------------------------------------------------------------ who cannot stop at once
+
+    def last_word(
+        self, views: Sequence[View | None], memories: Sequence[Any], actions: list[NDArray[Any]]
+    ) -> list[NDArray[Any]]:
+        """Actions of robots with inertia after which all can still stop without touching one another.
+
+        Each could before; so who may not go as it wishes brakes.
+        """
+        drive = self.sensors.drive
+        heard = [robot for robot, view in enumerate(views) if view is not None]
+        if not drive.has_inertia or len(heard) < 2:
+            return actions
+        # Straight on: who turns while it brakes, to get round what is before it, leaves the way that was foreseen.
+        stops = [steering(drive, STANDING) for _ in views]
+        ways = [
+            [way_asked(memories[robot], asked_velocity(drive, each[robot])) for robot in heard]
+            for each in (actions, stops)
+        ]
+        least = least_gap(self.sensors) - 0.8 * ROOM
+        goes = who_goes(*ways, reach=farthest_blocker(self.sensors), least=least)
+        sent = list(actions)
+        for robot, does_go in zip(heard, goes, strict=True):
+            if not does_go:
+                sent[robot] = stops[robot]
+        return sent
 
     # ------------------------------------------------------------------------------------------------- the end
 

@@ -30,6 +30,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, NamedTuple
 
+from numpy.typing import NDArray
+
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
@@ -184,6 +186,12 @@ class Com1Rev3(BugTeam):
         self.share_verdicts(memories, complete=self.leaders)
         self.look_for_winner(team, seen, memories)
         return self.unless_stopped(decision.wanted, memories)
+
+    def last_word(
+        self, views: Sequence[View | None], memories: Sequence[Any], actions: list[NDArray[Any]]
+    ) -> list[NDArray[Any]]:
+        """Those after which all can still stop without touching one another, unless they pass through one another."""
+        return actions if self.parameters.partner_rule == "ghost" else super().last_word(views, memories, actions)
 
     # ------------------------------------------------------------------------------------------------ one robot
 

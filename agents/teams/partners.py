@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym import kinematics
 from bug_gym.agents.teams.hidden import ROUNDING, look_through_partners
 from bug_gym.geometry import Point
-from bug_gym.policy import Velocity
+from bug_gym.inertia import farthest_way, shown_points, way_to_stand
+from bug_gym.policy import STANDING, Velocity
 from bug_gym.team_policy import TeamMemory
 from bug_gym.view import Sensors, View, ranges_together
 
@@ -93,8 +95,8 @@ def least_gap(sensors: Sensors) -> float:
 
 
 def farthest_blocker(sensors: Sensors) -> float:
-    """How far from one another two robots may be that come nearer than `least_gap` in one step [m]."""
-    return least_gap(sensors) + 2.0 * (sensors.step_length + ROUNDING)
+    """How far from one another two robots may be that come nearer than `least_gap` in one step, and while they brake [m]."""
+    return least_gap(sensors) + 2.0 * (farthest_way(sensors) + ROUNDING)
 
 
 def place_after(memory: TeamMemory, velocity: Velocity) -> Point:
@@ -107,6 +109,28 @@ def place_after(memory: TeamMemory, velocity: Velocity) -> Point:
         x + duration * (cos * velocity[0] - sin * velocity[1]),
         y + duration * (sin * velocity[0] + cos * velocity[1]),
     )
+
+
+def points_told(memory: TeamMemory, view: View) -> NDArray[np.float64]:
+    """What a robot sees (k, 2), in the team's frame [m]."""
+    assert memory.frame is not None
+    (cos, sin), (x, y) = memory.frame.direction, shown_points(view)
+    return np.stack([memory.frame.x + cos * x - sin * y, memory.frame.y + sin * x + cos * y], axis=-1)
+
+
+def are_linked(one: Point, other: Point, points: NDArray[np.float64], *, link: float, aside: float) -> bool:
+    """Whether points (k, 2) lead from one place to another, none farther than a link [m] from the next.
+
+    Points count that make the way from the one to the other at most so much longer: `aside` [m].
+    """
+    ends = np.array([one, other])
+    ways = np.linalg.norm(points[:, None] - ends, axis=-1).sum(axis=-1)
+    near = np.concatenate([ends, points[ways <= math.dist(one, other) + aside]])
+    is_next = np.linalg.norm(near[:, None] - near, axis=-1) <= link
+    reached, count = is_next[0], 0
+    while not reached[1] and reached.sum() > count:
+        count, reached = int(reached.sum()), is_next[reached].any(axis=0)
+    return bool(reached[1])
 
 
 def gap(one: TeamMemory, other: TeamMemory) -> float:
@@ -134,13 +158,84 @@ def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMem
 def closes(
     one: TeamMemory, velocity: Velocity, other: TeamMemory, other_velocity: Velocity, now: float, least: float
 ) -> bool:
-    """Whether a step at velocities of their frames lessens the gap `now` between two robots to below `least` [m]."""
+    """Whether a step at velocities of their frames lessens the gap `now` between two robots to below `least` [m].
+
+    Of robots with inertia: while they drive it, and then brake; where they come so near in any case, whether to stand at
+    once keeps them farther apart.
+    """
     assert one.view is not None
-    duration = one.view.sensors.drive.step
+    sensors = one.view.sensors
+    if sensors.drive.has_inertia:
+        if now - 2.0 * farthest_way(sensors) > least + ROUNDING:
+            return False
+        after = gap_on_ways(way_of(one, velocity), way_of(other, other_velocity))
+        return after < least and after < gap_on_ways(way_of(one, STANDING), way_of(other, STANDING)) - ROUNDING
+    duration = sensors.drive.step
     if now - duration * (math.hypot(*velocity) + math.hypot(*other_velocity)) > least + ROUNDING:
         return False
     distance = math.dist(place_after(one, velocity), place_after(other, other_velocity))
     return distance < least and distance < now - 1e-6
+
+
+# --------------------------------------------------------------------------------------- robots that cannot stop at once
+
+
+def way_of(memory: TeamMemory, velocity: Velocity) -> NDArray[np.float64]:
+    """Where a robot is step by step (k, 2) that drives at a velocity of its frame and then brakes, in the team's frame [m]."""
+    assert memory.view is not None
+    drive = memory.view.sensors.drive
+    return way_asked(memory, velocity if drive.kinematics == "holonomic" else kinematics.turning(drive, velocity))
+
+
+def way_asked(memory: TeamMemory, asked: Velocity) -> NDArray[np.float64]:
+    """The same of one that asks for a velocity (`kinematics.asked_velocity`); who does not answer stands."""
+    assert memory.word is not None and memory.view is not None
+    x, y = memory.word.place
+    if not memory.is_heard:
+        return np.array([[x, y]])
+    ahead, left = way_to_stand(memory.view, asked).T
+    cos, sin = math.cos(memory.word.heading), math.sin(memory.word.heading)
+    return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left], axis=-1)
+
+
+def gap_on_ways(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """How near to one another two robots come that are at places (k, 2) and (m, 2) step by step, and stay at the last [m]."""
+    steps = max(len(one), len(other), 2)
+    apart = one[np.minimum(np.arange(steps), len(one) - 1)] - other[np.minimum(np.arange(steps), len(other) - 1)]
+    begin, way = apart[:-1], np.diff(apart, axis=0)
+    square = np.maximum((way * way).sum(axis=-1), 1e-12)
+    share = np.clip(-(begin * way).sum(axis=-1) / square, 0.0, 1.0)
+    return float(np.linalg.norm(begin + share[:, None] * way, axis=-1).min())
+
+
+def who_goes(
+    wished: Sequence[NDArray[np.float64]], braked: Sequence[NDArray[np.float64]], *, reach: float, least: float
+) -> list[bool]:
+    """Which of some robots may go as they wish, so that they can all come to stand without coming too near to one another.
+
+    Each in turn goes unless that brings it nearer than `least` to another one, and nearer than to brake does. Those that
+    brake at first may go once others do that were in their way.
+
+    Args:
+        wished: where each is step by step (k, 2) that does as it wishes and then brakes [m].
+        braked: likewise, that brakes at once.
+        reach: how far from one another two are that need not mind one another [m].
+        least: how near they may come [m].
+    """
+    ways, goes = list(braked), [False] * len(braked)
+    near = [
+        [k for k in range(len(ways)) if k != robot and math.dist(ways[k][0], way[0]) < reach]
+        for robot, way in enumerate(ways)
+    ]
+
+    def is_clear(robot: int, other: int) -> bool:
+        after = gap_on_ways(wished[robot], ways[other])
+        return after >= least or after >= gap_on_ways(braked[robot], braked[other]) - ROUNDING
+
+    for robot in (*range(len(ways)), *range(len(ways))):
+        if not goes[robot] and all(is_clear(robot, other) for other in near[robot]):
+            ways[robot], goes[robot] = wished[robot], True
+    return goes
 
 
 def distance_to_segment(place: Point, begin: Point, end: Point) -> float:

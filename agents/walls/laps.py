@@ -70,11 +70,26 @@ def parts_from_goal(contour: Contour) -> bool:
     where it has been farther off than a lap of this length can hold, it came through a gap that it takes for none now.
     """
     assert contour.gate is not None
-    turned = contour.side * (contour.turned - contour.gate.turned)
-    is_shut_in, is_goal_within = turned > 0.0, abs(contour.wound - contour.gate.wound) > math.pi
-    length = (contour.odometer - contour.gate.odometer) / max(round(turned / (2.0 * math.pi)), 1)
     farthest = max(math.dist(place, contour.gate.place) for place in (contour.hit, contour.been or contour.hit))
-    if is_shut_in and farthest > WIDEST * length:
+    return is_parting(
+        turned=contour.side * (contour.turned - contour.gate.turned),
+        wound=contour.wound - contour.gate.wound,
+        length=contour.odometer - contour.gate.odometer,
+        farthest=farthest,
+    )
+
+
+def is_parting(*, turned: float, wound: float, length: float, farthest: float) -> bool:
+    """Whether a closed curve along walls parts the robot from the goal.
+
+    Args:
+        turned: how far it turns away from the wall [rad].
+        wound: how far the bearing of the goal goes round on it [rad].
+        length: of the curve [m].
+        farthest: how far off it the robot has been [m].
+    """
+    is_shut_in, is_goal_within = turned > 0.0, abs(wound) > math.pi
+    if is_shut_in and farthest > WIDEST * (length / max(round(turned / (2.0 * math.pi)), 1)):
         return False
     return is_goal_within != is_shut_in
 

@@ -90,14 +90,48 @@ def test_robots_on_either_side_of_a_thin_wall_do_not_meet_through_it() -> None:
     assert (run.paths[met, :, 0] > 6.2).all(), "they meet behind it"
 
 
-def test_two_halves_of_a_lap_prove_that_there_is_no_way() -> None:
+@pytest.mark.parametrize(("aside", "laps", "meetings"), [(0.6, 0.5, 1), (1.0, 1.0, 2)])
+def test_two_halves_that_begin_at_one_place_prove_that_there_is_no_way(
+    aside: float, laps: float, meetings: int
+) -> None:
+    """Where the hit points lie too far apart both turn round, and the halves that begin there prove it."""
     world = {"family": "ring", "bounds": [-5, -10, 20, 10], "start": [0, 0, 0], "goal": [10.3, 0.2], "centre": [10, 0]}
-    starts = [{"start": [0.0, -1.0, 0.0]}, {"start": [0.0, 1.0, 0.0]}]
+    starts = [{"start": [0.0, -aside, 0.0]}, {"start": [0.0, aside, 0.0]}]
     settings = {"mission": "first", "lidar": {"beams": 360, "range": 10.0}, "time": {"limit": 600.0}}
     run = run_team("bug1_pair", {**settings, "world": world, "robots": starts}, clearance=0.5)
     assert run.verdicts == ("unreachable", "unreachable")
-    half = 0.5 * (4.0 * 8.0 + 2.0 * math.pi * 0.5)
-    assert run.lengths == pytest.approx([5.5 + half] * 2, abs=1.5)
+    assert [memory.meetings for memory in run.memories] == [meetings] * 2
+    perimeter = 4.0 * 8.0 + 2.0 * math.pi * 0.5
+    assert run.lengths == pytest.approx([5.5 + laps * perimeter] * 2, abs=1.5)
+
+
+def walls_with_a_door(kinematics: str, door: float) -> dict[str, Any]:
+    """A room with a wall across, in which a door lies between the places where two robots meet it."""
+    walls = [[[side * 0.5 * door, 2], [side * 4.5, 2], [side * 4.5, 2.3], [side * 0.5 * door, 2.3]] for side in (-1, 1)]
+    world = {"family": "explicit", "bounds": [-4, -3, 4, 12], "polygons": walls, "start": [0, 0, 1.5708]}
+    robot = {"kinematics": kinematics}
+    rest = {"robots": {"count": 2}, "mission": "first", "time": {"limit": 300.0}}
+    return {"robot": robot, "world": world | {"goal": [0, 11]}, **rest}
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("door", [1.0, 1.4])
+def test_a_door_between_the_two_hit_points_is_found(kinematics: str, door: float) -> None:
+    run = run_team("bug1_pair", walls_with_a_door(kinematics, door))
+    assert "success" in run.outcomes and run.verdicts == ("", "")
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_wall_without_a_door_is_no_way(kinematics: str) -> None:
+    run = run_team("bug1_pair", walls_with_a_door(kinematics, 0.0))
+    assert run.verdicts == ("unreachable", "unreachable")
+
+
+@pytest.mark.parametrize("seed", [5046, 5054])
+def test_where_a_robot_alone_arrives_a_pair_does_not_say_that_there_is_no_way(seed: int) -> None:
+    overrides = {"robots.count": 2, "mission": "first", "time.limit": 600.0}
+    run = run_team("bug1_pair", "cellular_automaton", overrides, seed=seed)
+    assert "success" in run.outcomes
 
 
 def test_where_the_goal_is_not_seen_yet_the_second_follows_two_metres_behind() -> None:

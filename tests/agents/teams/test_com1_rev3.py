@@ -17,8 +17,9 @@ from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.teams.com1_rev3 import Com1Rev3
 from bug_gym.agents.teams.partners import SeeThrough
-from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON
+from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON, load
 from bug_gym.evaluation import evaluate
+from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import Across, alone, random_world, team_scenario
@@ -412,3 +413,11 @@ def test_sixteen_robots_that_change_places_do_not_lock_one_another_in(seed: int)
     overrides = {"robots.count": 16, "robot.kinematics": "differential", "time.limit": 240.0}
     rows = evaluate(["com1_rev3"], "circle_swap", episodes=1, seed=seed, overrides=overrides)
     assert {row.outcome for row in rows} == {"success"}, [(row.robot, row.outcome) for row in rows if not row.success]
+
+
+def test_robots_with_inertia_that_pass_through_one_another_brake_for_nobody() -> None:
+    """They have bodies here, which meet in a corridor."""
+    source = load("corridor_swap", {"robots.count": 2, "robot.max_acceleration": 1.0})
+    for rule, outcome in (("ghost", "collision"), ("solo", "success")):
+        entry = PolicyEntry(rule, "com1_rev3", {"partner_rule": rule, "hold_distance": 0.0})
+        assert {row.outcome for row in evaluate([entry], source, episodes=1)} == {outcome}

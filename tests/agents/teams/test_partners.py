@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, SeeThrough
+from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, SeeThrough, are_linked, gap_on_ways, who_goes
 from bug_gym.config import load
 from bug_gym.geometry import F64
 from bug_gym.observation import width
@@ -139,3 +139,52 @@ def test_scans_that_were_read_at_once_are_looked_through_as_others_are() -> None
             np.testing.assert_array_equal(now.view.ranges, alone.view.ranges)
             np.testing.assert_array_equal(now.view.points, alone.view.with_ranges(alone.view.ranges).points)
             np.testing.assert_equal(now.hidden, alone.hidden)
+
+
+@pytest.mark.parametrize(("door", "is_one"), [(0.4, True), (0.6, False)])
+def test_two_places_of_a_wall_are_linked_but_across_a_gap_that_is_wider_than_a_link(door: float, is_one: bool) -> None:
+    along = np.concatenate([np.arange(-2.0, -0.5 * door + 1e-9, 0.02), np.arange(0.5 * door, 2.0, 0.02)])
+    wall = np.stack([along, np.zeros_like(along)], axis=-1)
+    assert are_linked((-1.0, 0.0), (1.0, 0.0), wall, link=0.5, aside=0.7) is is_one
+    # A way round through the rest of the room is none.
+    turn = np.linspace(0.0, math.pi, 200)
+    room = np.concatenate([wall, 2.0 * np.stack([np.cos(turn), -np.sin(turn)], axis=-1)])
+    assert are_linked((-1.0, 0.0), (1.0, 0.0), room, link=0.5, aside=0.7) is is_one
+    assert are_linked((-1.0, 0.0), (1.0, 0.0), room, link=0.5, aside=20.0)
+
+
+def ways(count: int, rng: np.random.Generator) -> list[F64]:
+    """Where some robots are step by step, from the same places on whenever they are drawn."""
+    return [rng.normal(0.0, 0.2, (int(rng.integers(1, 6)), 2)).cumsum(axis=0) for _ in range(count)]
+
+
+def test_the_gap_on_two_ways_is_the_least_of_many_instants() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        one, other = ways(2, rng)
+        instants = np.linspace(0.0, 5.0, 2001)
+        apart = [
+            np.stack([np.interp(instants, np.arange(len(way)), way[:, axis]) for axis in (0, 1)])
+            for way in (one, other)
+        ]
+        assert gap_on_ways(one, other) == pytest.approx(np.hypot(*(apart[0] - apart[1])).min(), abs=5e-3)
+
+
+def test_who_goes_comes_no_nearer_to_another_than_is_allowed_or_than_if_both_brake() -> None:
+    rng, went = np.random.default_rng(6), 0
+    for _ in range(100):
+        begins = rng.uniform(-1.5, 1.5, (4, 2))
+        wished, braked = (
+            [begin + np.concatenate([np.zeros((1, 2)), way]) for begin, way in zip(begins, ways(4, rng), strict=True)]
+            for _ in range(2)
+        )
+        goes = who_goes(wished, braked, reach=20.0, least=0.6)
+        driven = [wished[robot] if does_go else braked[robot] for robot, does_go in enumerate(goes)]
+        for one in range(4):
+            for other in range(one):
+                allowed = min(0.6, gap_on_ways(braked[one], braked[other])) - 1e-5
+                assert gap_on_ways(driven[one], driven[other]) >= allowed
+        went += sum(goes)
+    assert 0 < went < 400
+    apart = [[np.array([[x, 0.0], [x + 0.1, 0.0]]) for x in (0.0, 3.0)], [np.array([[x, 0.0]]) for x in (0.0, 3.0)]]
+    assert who_goes(*apart, reach=4.0, least=0.6) == [True, True]

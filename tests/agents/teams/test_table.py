@@ -12,10 +12,10 @@ import pytest
 import bug_gym
 from bug_gym.agents import AGENTS, TEAMS, make_policy, team_names
 from bug_gym.agents.parameters import parameters_of
+from bug_gym.config import load
 from bug_gym.drawing.canvas import Canvas
 from bug_gym.evaluation import evaluate
-from bug_gym.log import told
-from bug_gym.policy import Drawing
+from bug_gym.policy import Drawing, MisfitError
 from bug_gym.reproductions.team_worlds import random_world
 from bug_gym.simulation import Simulation
 from bug_gym.team_policy import TeamPolicy
@@ -103,7 +103,7 @@ CROSSING, WAREHOUSE = ("crossing_robots", 2), ("warehouse_team", 8)
 @pytest.mark.parametrize(
     ("team", "scenario", "robots"),
     [(team, *where) for team in ("com1_rev3", "swarm_com", "swarm_bug2") for where in (CROSSING, WAREHOUSE)]
-    + [("swarm_bug1", *CROSSING)],
+    + [("swarm_bug1", *CROSSING), ("bug1_pair", *CROSSING)],
 )
 def test_robots_with_goals_of_their_own_stop_for_nobody(team: str, scenario: str, robots: int) -> None:
     rows = evaluate([team], scenario, episodes=3, seed=20)
@@ -111,13 +111,7 @@ def test_robots_with_goals_of_their_own_stop_for_nobody(team: str, scenario: str
     assert {row.outcome for row in rows} == {"success"}, [(row.seed, row.robot, row.outcome) for row in rows]
 
 
-def test_a_pair_that_compares_places_near_one_goal_says_where_there_are_two(caplog: pytest.LogCaptureFixture) -> None:
-    told.clear()
-    evaluate(["bug1_pair"], "crossing_robots", episodes=1)
-    assert "robots have goals of their own, expected one" in caplog.text
-
-
-@pytest.mark.parametrize("team", sorted(set(TEAMS) - {"bug1_pair"}))
+@pytest.mark.parametrize("team", TEAMS)
 def test_who_goes_to_a_goal_of_its_own_gives_up_alone(team: str) -> None:
     """One of two goals is shut in; the other robot arrives all the same."""
     ring = [[3.0 * math.cos(k * math.pi / 12.0), 3.0 * math.sin(k * math.pi / 12.0), 0.5] for k in range(24)]
@@ -179,3 +173,23 @@ def test_nobody_of_com1_rev3_stands_for_ever_where_robots_have_goals_of_their_ow
         overrides = {"robot.kinematics": kinematics, "time.limit": 300.0}
         env = bug_gym.parallel_env(scenario, robots=robots, overrides=overrides)
         assert driven_to_the_end(env, make_policy("com1_rev3", env), seed) == ["success"] * robots
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("robot", [{"max_acceleration": 0.5}, {"max_acceleration": 1.0}, {"latency": 0.3}], ids=str)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_robots_that_cannot_stop_at_once_touch_nobody(name: str, robot: dict[str, float], kinematics: str) -> None:
+    """Head on, and across: each could stop before where the other is, and both drive on."""
+    settings = {f"robot.{one}": value for one, value in robot.items()} | {"robot.kinematics": kinematics}
+    for scenario, episodes in (("corridor_swap", 1), ("random_crossings", 2)):
+        source = load(scenario, settings | {"robots.count": 2, "time.limit": 40.0})
+        outcomes = [row.outcome for row in evaluate([name], source, episodes=episodes, seed=100)]
+        assert "collision" not in outcomes
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("robot", [{"robot.max_acceleration": 1.0}, {"robot.latency": 0.1}], ids=str)
+def test_discrete_actions_of_robots_that_cannot_stop_at_once_are_refused_in_a_line(name: str, robot: Any) -> None:
+    env = bug_gym.parallel_env(random_world(1), overrides=robot, action="discrete")
+    with pytest.raises(MisfitError, match="no discrete action"):
+        make_policy(name, env)
