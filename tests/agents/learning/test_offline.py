@@ -707,7 +707,7 @@ def test_the_command_on_a_card_names_a_dataset_that_was_given(tmp_path: Path, mo
     (given,) = {
         path.parents[1].as_posix() for path in Path().rglob("*_flat-v0/data/metadata.json") if "mixed" in str(path)
     }
-    changed = [*words, "--set", 'data={"policies": ["hd_bug"], "episodes": 9}']
+    changed = [*words[:-2], "--set", 'data={"policies": ["hd_bug"], "episodes": 9}']  # `data` came last
     assert main(["train", "bc_hd_bug", *changed, "--dataset", given, "--out", "given"]) == 0
     told = {}
     for name in ("collected", "given"):
