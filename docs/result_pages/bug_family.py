@@ -286,6 +286,9 @@ def cylinder_claims(found: Record) -> Page:
         f"`{one['policy']}` ({one['kind']}, seed {one['seed']}: {one['verdict'] or one['outcome']})" for one in wrong
     ]
     clearances = listed(f"{value:g} m ({robot})" for robot, value in found["clearances"].items())
+    driven = {key.split()[0]: one["with a way"] + one["without"] for key, one in policies.items()}
+    fewer = [f"`{name}`" for name, worlds in driven.items() if worlds < found["seeds"]]
+    first = f" {listed(fewer)} drove through the first {min(driven.values()):,} worlds alone." if fewer else ""
     return Page(
         [
             table(
@@ -294,8 +297,10 @@ def cylinder_claims(found: Record) -> Page:
                 rows,
             )
         ],
-        f"{runs:,} runs, {claims} wrong claims. Wrong is also a timeout, a collision, and of a complete algorithm any end "
-        "that is not as the configuration space says" + (f": {listed(ends)}." if ends else "; there is none.") + MENDED,
+        f"{runs:,} runs, {claims} wrong claims.{first} Wrong is also a timeout, a collision, and of a complete algorithm any "
+        "end that is not as the configuration space says"
+        + (f": {listed(ends)}." if ends else "; there is none.")
+        + MENDED,
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),
             ("each run ends, and those of complete algorithms as the configuration space says", not wrong),
