@@ -22,12 +22,6 @@ ROUNDED = 1e-4
 """By so much less room a place still counts as wide enough [m]."""
 
 
-def is_clear(places: F64, solids: Solids) -> bool:
-    """Whether a way (k, 2) keeps the growth all along."""
-    chain = [(x, y) for x, y in places.tolist()]
-    return all(solids.is_clear(a, b) for a, b in zip(chain, chain[1:], strict=False))
-
-
 def pushed_off(places: F64, solids: Solids) -> F64:
     """A way (k, 2) [m] with the growth's room where there is so much, else between what is near; its ends stay.
 

@@ -20,7 +20,7 @@ from bug_gym.agents.mapping.goal_watch import GoalWatch
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.planning.clear_step import clear_velocity
 from bug_gym.agents.planning.follow import FollowerName, Scene, make_follower, pose_to_be
-from bug_gym.agents.planning.gaps import is_clear, narrow_places, pushed_off
+from bug_gym.agents.planning.gaps import narrow_places, pushed_off
 from bug_gym.agents.planning.growth import TOUCHING
 from bug_gym.agents.planning.known_scan import put_right
 from bug_gym.agents.planning.live import LiveMap, Maps, Moving
@@ -267,13 +267,13 @@ class MapPlanner(MapPolicy):
         if not (self.privileged and self.is_round and (self.is_braked or needs_care(self.sensors))):
             return found
         radius, margin = braking_radius(self.sensors), self.parameters.margin
-        solids = self.solids(memory).with_growth(radius)
+        still, solids = live_of(memory).still, self.solids(memory).with_growth(radius)
         reach = self.sensors.goal_radius if scene.reach is None else scene.reach
         around = scene
         for _ in range(DETOURS):
             if found.places is None:
                 return found if around is scene else self.held(scene, memory)
-            if found.margin >= margin and is_clear(found.places, solids):
+            if found.margin >= margin and still.is_clear(found.places, radius):
                 return found
             places = pushed_off(found.places, solids.with_growth(radius + margin))
             narrow = narrow_places(places, solids)
