@@ -24,7 +24,7 @@ import numpy as np
 
 from bug_gym.agents.bugs.critical_point_bug import CriticalPointBug
 from bug_gym.agents.critical_points.meeting import Mover, VirtualObstacle, meeting_times, ring, virtual_obstacle
-from bug_gym.agents.critical_points.moving import TrackSets, track_settings
+from bug_gym.agents.critical_points.moving import TrackSets, rules_of_looks
 from bug_gym.agents.critical_points.scan_kernels import cast_capsule
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory
 from bug_gym.agents.walls.sub_goals import SubGoalMemory
@@ -53,7 +53,7 @@ class ModifiedCriticalPointBug(CriticalPointBug):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         self.tracker = Tracker(sensors)
-        self.shift, self.interval = track_settings(sensors)
+        self.rules = rules_of_looks(sensors)
 
     def start(self) -> ModifiedMemory:
         """Memory of a new episode."""
@@ -62,8 +62,8 @@ class ModifiedCriticalPointBug(CriticalPointBug):
     def act(self, view: View, memory: ModifiedMemory) -> Velocity:
         """One decision, over a scan that holds the virtual obstacles too."""
         assert memory.tracker is not None
-        tracks = self.tracker.update(memory.tracker, view, memory.time)
-        movers = memory.sets.update(tracks, memory.time, self.shift, self.interval)
+        things, _ = self.tracker.things(memory.tracker, view, memory.time)
+        movers, _ = memory.sets.update(things, memory.time, self.rules)
         self._note_meetings(view, memory, movers)
         memory.time += self.sensors.drive.step
         return super().act(self._with_virtual(view, memory), memory)

@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.critical_points.circle import Leg, leg_along, leg_to, virtual_circle
+from bug_gym.agents.critical_points.looks import INTERVAL, THRESHOLD
 from bug_gym.agents.critical_points.meeting import (
     Mover,
     is_behind,
@@ -42,7 +43,7 @@ from bug_gym.agents.critical_points.meeting import (
     virtual_obstacle,
 )
 from bug_gym.agents.critical_points.memory import CriticalPoint, LastEnd, OperativeMemory, OperativeParameters
-from bug_gym.agents.critical_points.moving import track_settings
+from bug_gym.agents.critical_points.moving import rules_of_looks
 from bug_gym.agents.critical_points.reading import JUMP, End, Reading, Scanner
 from bug_gym.agents.critical_points.scan_kernels import can_turn, sweep_leg
 from bug_gym.agents.critical_points.sub_goals import perpendicular_sub_goal, printed_sub_goal
@@ -112,7 +113,8 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         radius, body = self.circle.radius, self.circle.body
         jump = max(min(JUMP, radius), 6.0 * sensors.range_noise) if own.jump is None else own.jump
         self.tracker = Tracker(sensors)
-        self.shift, self.interval = track_settings(sensors)
+        self.rules = rules_of_looks(sensors)
+        self.shift, self.interval = float(self.rules[THRESHOLD]), float(self.rules[INTERVAL])
         # A little more than the brake of differential robots asks for, else it stops them on the leg.
         least = min(body + 2.0 * sensors.range_noise + 0.021, radius)
         self.keep = least + 0.05 * (radius - least)
@@ -195,17 +197,13 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if self.parameters.classify == "open_points":
             return self._detect_by_open_points(view, memory)
         assert memory.tracker is not None
-        tracks = self.tracker.update(memory.tracker, view, memory.time)
-        movers = memory.sets.update(tracks, memory.time, self.shift, self.interval)
+        things, beam_thing = self.tracker.things(memory.tracker, view, memory.time)
+        movers, is_dynamic = memory.sets.update(things, memory.time, self.rules)
         self._count_detections(memory, movers)
         if not movers:
             return Sight([], None, *view.points)
-        numbers = {mover.number for mover in movers}
-        is_dynamic = np.array([*(number in numbers for number in tracks.id.tolist()), False])
-        is_mover = is_dynamic[tracks.beam_track]
-        seen = (view.ranges < self.sensors.range) & ~is_mover
-        x, y = self.sensors.beam_directions[:, seen] * view.ranges[seen]
-        return Sight(movers, is_mover, x, y)
+        is_mover = is_dynamic[beam_thing]
+        return Sight(movers, is_mover, *self.scanner.points_but(view.ranges, is_mover))
 
     def _detect_by_open_points(self, view: View, memory: OperativeMemory) -> Sight:
         """The same by the printed rule: which beams a mover takes is not known, and all count as still."""

@@ -14,11 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bug_gym.agents.critical_points.looks import LOOK, look_at_things
 from bug_gym.agents.critical_points.meeting import Mover
-from bug_gym.agents.tracking.tracker import Tracks
-from bug_gym.geometry import Point
+from bug_gym.agents.tracking.layout import AT_X, AT_Y, MOVES, NUMBER, OF_RADIUS, UNSEEN
+from bug_gym.geometry import F64, Point
 from bug_gym.view import Sensors
 
 SLOWEST = 0.1
@@ -37,74 +40,39 @@ NEAREST = 0.5
 """How far from an earlier open point one may be the same that has moved: the "small change" of the printed rule [m]."""
 
 
-class Look(NamedTuple):
-    """A thing as it was looked at last."""
-
-    time: float
-    """[s]."""
-    place: Point
-    """Odometry frame [m]."""
-    shift: Point
-    """Since the look before [m]."""
-    shifts: int
-    """0: in S, 1: in TD, 2: in D."""
-
-
 @dataclass
 class TrackSets:
     """The sets of one episode, over tracks."""
 
-    looks: dict[int, Look] = field(default_factory=dict)
-    """By the number of the track."""
+    looks: F64 = field(default_factory=lambda: np.zeros((0, LOOK)))
+    """Each thing as it was looked at last (T, LOOK), see looks."""
 
-    def update(self, tracks: Tracks, time: float, threshold: float, interval: float) -> list[Mover]:
-        """Look at what is due; returns what is in D.
+    def update(self, things: F64, time: float, rules: F64) -> tuple[list[Mover], NDArray[np.bool_]]:
+        """Look at what is due.
 
         Args:
-            tracks: what is seen.
+            things: what is told of each thing that is there (THING_ROWS, T), see tracking.
             time: now [s].
-            threshold: shift between two looks above which a thing has moved [m].
-            interval: time between two looks, DOT [s].
+            rules: what looks go by, see `rules_of_looks`.
+
+        Returns:
+            What is in D, and whether each thing is (T + 1,); the last one is none, which never is.
         """
-        movers = []
-        looks: dict[int, Look] = {}
-        places, unseen, moving = tracks.position.tolist(), tracks.unseen.tolist(), tracks.moving.tolist()
-        for k, number in enumerate(tracks.id.tolist()):
-            place = (places[k][0], places[k][1])
-            last = self.looks.get(number) or Look(time, place, (0.0, 0.0), 0)
-            if unseen[k] == 0.0 and is_due(last, time, place, threshold, interval):
-                last = looked_at(last, time, place, threshold)
-            looks[number] = last
-            # Twice shifted, and in space seen free before: the view of a long thing may shift too.
-            if last.shifts >= 2 and moving[k]:
-                velocity = (float(tracks.velocity[k, 0]), float(tracks.velocity[k, 1]))
-                movers.append(Mover(number, place, velocity, float(tracks.radius[k])))
+        count = things.shape[1]
+        looks, is_dynamic = np.empty((count, LOOK)), np.zeros(count + 1, dtype=np.bool_)
+        seen = things[NUMBER], things[AT_X], things[AT_Y], things[UNSEEN], things[MOVES]
+        found = look_at_things(*seen, time, rules, self.looks, looks, is_dynamic)
         self.looks = looks
-        return movers
+        if not found:
+            return [], is_dynamic
+        lines = things[NUMBER : OF_RADIUS + 1, is_dynamic[:-1]].T.tolist()
+        return [Mover(int(number), (x, y), (vx, vy), radius) for number, x, y, vx, vy, radius in lines], is_dynamic
 
 
-def is_due(last: Look, time: float, place: Point, threshold: float, interval: float) -> bool:
-    """Whether it is time for the next look: after DOT, or earlier where a fast thing has shifted already."""
-    passed = time - last.time + 1e-6
-    return passed >= interval or (passed >= LEAST_LOOK and math.dist(place, last.place) > threshold)
-
-
-def looked_at(last: Look, time: float, place: Point, threshold: float) -> Look:
-    """A thing after one more look."""
-    x, y = place[0] - last.place[0], place[1] - last.place[1]
-    shift = math.hypot(x, y)
-    if shift <= threshold:
-        return Look(time, place, (x, y), 0)
-    if last.shifts == 0:
-        return Look(time, place, (x, y), 1)
-    is_same_way = x * last.shift[0] + y * last.shift[1] >= SAME_WAY * shift * math.hypot(*last.shift)
-    return Look(time, place, (x, y), 2 if is_same_way else 1)
-
-
-def track_settings(sensors: Sensors) -> tuple[float, float]:
-    """The threshold [m] and the interval DOT [s] of looks at tracks."""
+def rules_of_looks(sensors: Sensors) -> F64:
+    """What looks at tracks go by, see looks: the threshold is above the noise of a range, DOT as long as SLOWEST takes."""
     threshold = SHIFT + 3.0 * sensors.range_noise
-    return threshold, max(LEAST_LOOK, threshold / SLOWEST)
+    return np.array([threshold, max(LEAST_LOOK, threshold / SLOWEST), LEAST_LOOK, SAME_WAY])
 
 
 @dataclass

@@ -20,6 +20,7 @@ from bug_gym.agents.critical_points.meeting import VirtualObstacle
 from bug_gym.agents.critical_points.scan_kernels import bridge_dropouts, cast_capsule
 from bug_gym.agents.walls.open_points import Lookout
 from bug_gym.geometry import F64, Point
+from bug_gym.kernels import scan_points
 from bug_gym.view import Sensors, View
 
 BRIDGED = 3
@@ -100,8 +101,14 @@ class Scanner:
             if not moving[beam]:
                 its = virtual[owner[beam]] if owner[beam] >= 0 else None
                 found.append(End(point.corner, bearing, point.side, its))
-        seen = (ranges < reach) & ~moving
-        return Reading(found, cos[seen] * ranges[seen], sin[seen] * ranges[seen])
+        return Reading(found, *self.points_but(ranges, moving))
+
+    def points_but(self, ranges: F64, is_left_out: NDArray[np.bool_]) -> tuple[F64, F64]:
+        """Points x (k,) and y (k,) of a scan (B,) without those of some beams (B,), robot's frame [m]."""
+        places = np.empty(self._directions.shape)
+        kept = np.where(is_left_out, self.sensors.range, ranges)
+        count = scan_points(kept, self._directions, self.sensors.range, places)
+        return places[0, :count], places[1, :count]
 
     def _beam_at(self, bearing: float) -> int:
         """The beam nearest to a bearing [rad]."""

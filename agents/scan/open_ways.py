@@ -7,6 +7,7 @@ import math
 from bug_gym.agents.scan.pieces import bend_of
 from bug_gym.compiling import called, inlined, kernel
 from bug_gym.kernels.free_way import way_to_point
+from bug_gym.kernels.geometry import sin_cos
 from bug_gym.kernels.layout import Flags, Floats, Integers
 
 
@@ -164,14 +165,13 @@ def way_to_wall(along1: float, beside1: float, along2: float, beside2: float, ra
     return way, share
 
 
-@inlined
-def is_long_wall(px: Floats, py: Floats, link: Flags, radius: float, i: int) -> bool:
-    """Whether beam i and the next see a wall so long between them that a disc could sink into it visibly."""
-    if not link[i]:
-        return False
-    j = i + 1 if i + 1 < link.size else 0
-    dx, dy = px[j] - px[i], py[j] - py[i]
-    return bool(dx * dx + dy * dy > 0.0625 * radius * radius)
+@kernel
+def tell_long_walls(px: Floats, py: Floats, link: Flags, radius: float, is_long: Flags) -> None:
+    """Write whether each beam and the next (B,) see a wall so long between them that a disc could sink into it visibly."""
+    for i in range(link.size):
+        j = i + 1 if i + 1 < link.size else 0
+        dx, dy = px[j] - px[i], py[j] - py[i]
+        is_long[i] = link[i] and dx * dx + dy * dy > 0.0625 * radius * radius
 
 
 @kernel
@@ -180,7 +180,7 @@ def sweep_disc(
     py: Floats,
     ranges: Floats,
     reach: float,
-    link: Flags,
+    is_long: Flags,
     radius: float,
     first: float,
     cos: Floats,
@@ -197,7 +197,7 @@ def sweep_disc(
         py: points' y (B,) [m].
         ranges: (B,) [m].
         reach: range that means "nothing seen" [m].
-        link: (B,) from `link_beams`.
+        is_long: (B,) from `tell_long_walls`.
         radius: of the disc [m].
         first: heading 0, the others follow counter-clockwise [rad].
         cos: of each heading (m,).
@@ -215,20 +215,24 @@ def sweep_disc(
         x, y = px[i], py[i]
         half = math.asin(radius / ranges[i]) if ranges[i] > radius else 0.5 * math.pi
         middle = math.atan2(y, x) - first
-        for heading in range(math.ceil((middle - half) / increment), math.floor((middle + half) / increment) + 1):
-            k = heading % m
+        low, high = math.ceil((middle - half) / increment), math.floor((middle + half) / increment)
+        k = low % m - 1
+        for _ in range(high - low + 1):
+            k = k + 1 if k + 1 < m else 0
             way = way_to_point(x * cos[k] + y * sin[k], y * cos[k] - x * sin[k], radius)
             if way < free[k]:
                 free[k], beam[k] = way, i
-        if not is_long_wall(px, py, link, radius, i):
+        if not is_long[i]:
             continue
         j = (i + 1) % n
         u, v = px[j], py[j]
         half = max(half, math.asin(radius / ranges[j]) if ranges[j] > radius else 0.5 * math.pi)
         turn = math.atan2(x * v - y * u, x * u + y * v)
-        low, high = middle + min(turn, 0.0) - half, middle + max(turn, 0.0) + half
-        for heading in range(math.ceil(low / increment), math.floor(high / increment) + 1):
-            k = heading % m
+        low = math.ceil((middle + min(turn, 0.0) - half) / increment)
+        high = math.floor((middle + max(turn, 0.0) + half) / increment)
+        k = low % m - 1
+        for _ in range(high - low + 1):
+            k = k + 1 if k + 1 < m else 0
             along, beside = x * cos[k] + y * sin[k], y * cos[k] - x * sin[k]
             way, share = way_to_wall(along, beside, u * cos[k] + v * sin[k], v * cos[k] - u * sin[k], radius)
             if way < free[k]:
@@ -241,7 +245,7 @@ def beams_between(
     py: Floats,
     ranges: Floats,
     reach: float,
-    link: Flags,
+    is_long: Flags,
     radius: float,
     low: float,
     high: float,
@@ -254,7 +258,7 @@ def beams_between(
         py: points' y (B,) [m].
         ranges: (B,) [m].
         reach: range that means "nothing seen" [m].
-        link: (B,) from `link_beams`.
+        is_long: (B,) from `tell_long_walls`.
         radius: of the disc [m].
         low: heading [rad].
         high: heading, a few degrees further at most [rad].
@@ -266,8 +270,8 @@ def beams_between(
         if ranges[i] >= reach:
             continue
         above, below = py[i] * low_x - px[i] * low_y, py[i] * high_x - px[i] * high_y
-        if is_long_wall(px, py, link, radius, i):
-            j = i + 1 if i + 1 < link.size else 0
+        if is_long[i]:
+            j = i + 1 if i + 1 < ranges.size else 0
             above = max(above, py[j] * low_x - px[j] * low_y)
             below = min(below, py[j] * high_x - px[j] * high_y)
         if above > -radius and below < radius:
@@ -278,7 +282,7 @@ def beams_between(
 
 @called
 def touch_along(
-    px: Floats, py: Floats, link: Flags, radius: float, angle: float, chosen: Integers, count: int
+    px: Floats, py: Floats, is_long: Flags, radius: float, angle: float, chosen: Integers, count: int
 ) -> tuple[float, int, float, float]:
     """What a disc touches first along a heading: free way, beam that saw it (-1 for none), x and y of the point.
 
@@ -292,8 +296,8 @@ def touch_along(
         way = way_to_point(along, beside, radius)
         if way < free:
             free, beam, x, y = way, i, px[i], py[i]
-        if is_long_wall(px, py, link, radius, i):
-            j = i + 1 if i + 1 < link.size else 0
+        if is_long[i]:
+            j = i + 1 if i + 1 < px.size else 0
             way, share = way_to_wall(along, beside, px[j] * cos + py[j] * sin, py[j] * cos - px[j] * sin, radius)
             if way < free:
                 free, beam = way, i if share < 0.5 else j
@@ -339,7 +343,7 @@ def farthest_end(
 
 @kernel
 def find_open_points(  # plain tuples: records handed over from Python cost as much as a tenth of the work
-    scan: tuple[Floats, Floats, Floats, Flags],
+    scan: tuple[Floats, Floats, Floats, Flags, Flags],
     reach: float,
     noise: float,
     wraps: bool,
@@ -354,7 +358,8 @@ def find_open_points(  # plain tuples: records handed over from Python cost as m
     """Where the free way of a disc jumps between neighbouring headings, from one surface to another or to none.
 
     Args:
-        scan: of each beam (B,) the point's x and y in the robot's frame [m], the range [m], and the link of `link_beams`.
+        scan: of each beam (B,) the point's x and y in the robot's frame [m], the range [m], the link of `link_beams` and
+            what `tell_long_walls` says.
         reach: range that means "nothing seen" [m].
         noise: standard deviation of the ranges [m].
         wraps: whether the last beam is the first one's neighbour.
@@ -370,7 +375,7 @@ def find_open_points(  # plain tuples: records handed over from Python cost as m
     Returns:
         How many there are, in the order of the headings.
     """
-    px, py, ranges, link = scan
+    px, py, ranges, link, is_long = scan
     free, beam = swept
     count = 0
     increment = 2.0 * math.pi / free.size
@@ -380,15 +385,15 @@ def find_open_points(  # plain tuples: records handed over from Python cost as m
         if not abs(change) > jump or is_one_surface(link, beam[k], beam[after]):
             continue
         inside, outside = k * increment, (k + 1) * increment
-        seen = beams_between(px, py, ranges, reach, link, radius, first + inside, first + outside, chosen)
+        seen = beams_between(px, py, ranges, reach, is_long, radius, first + inside, first + outside, chosen)
         surface = beam[k]
         if change < 0.0:
             inside, outside, surface = outside, inside, beam[after]
-        _, last, x, y = touch_along(px, py, link, radius, first + inside, chosen, seen)
+        _, last, x, y = touch_along(px, py, is_long, radius, first + inside, chosen, seen)
         # Headings are coarse: at a small angle to a wall the disc touches it far before its end.
         for _ in range(8):
             middle = 0.5 * (inside + outside)
-            _, touched, touched_x, touched_y = touch_along(px, py, link, radius, first + middle, chosen, seen)
+            _, touched, touched_x, touched_y = touch_along(px, py, is_long, radius, first + middle, chosen, seen)
             if is_one_surface(link, surface, touched):
                 inside, last, x, y = middle, touched, touched_x, touched_y
             else:
@@ -409,7 +414,7 @@ def look_round(
     scanner: tuple[float, float, float, bool],
     disc: tuple[float, float, float],
     axes: tuple[Floats, Floats],
-    scan: tuple[Floats, Floats, Floats, Flags],
+    scan: tuple[Floats, Floats, Floats, Flags, Flags],
     swept: tuple[Floats, Integers],
     chosen: Integers,
     found: Floats,
@@ -423,7 +428,7 @@ def look_round(
         scanner: range that means "nothing seen" [m], standard deviation of the ranges [m], angle between two neighbouring
             beams [rad], whether the last is the first one's neighbour.
         disc: its radius [m], the change that is a jump [m], and heading 0 [rad].
-        axes: cosine and sine of each heading (m,).
+        axes: scratch for the cosine and sine of each heading (m,).
         scan: result, see `find_open_points`.
         swept: result, of `sweep_disc`.
         chosen, found, side: see `find_open_points`.
@@ -433,10 +438,13 @@ def look_round(
     """
     reach, noise, spacing, wraps = scanner
     radius, jump, first = disc
-    x, y, ranges, link = scan
+    x, y, ranges, link, is_long = scan
     fill_in(seen, reach, spacing, 3.0 * noise + 0.2 * jump, 2.0 * radius, wraps, ranges)
     for i in range(ranges.size):
         x[i], y[i] = directions[0, i] * ranges[i], directions[1, i] * ranges[i]
     link_beams(x, y, ranges, reach, jump, 2.0 * radius, noise, wraps, link)
-    sweep_disc(x, y, ranges, reach, link, radius, first, axes[0], axes[1], swept[0], swept[1])
+    tell_long_walls(x, y, link, radius, is_long)
+    for k in range(axes[0].size):
+        axes[1][k], axes[0][k] = sin_cos(first + k * (2.0 * math.pi / axes[0].size))
+    sweep_disc(x, y, ranges, reach, is_long, radius, first, axes[0], axes[1], swept[0], swept[1])
     return find_open_points(scan, reach, noise, wraps, radius, first, swept, jump, chosen, found, side)

@@ -101,13 +101,15 @@ def scan_of_age(poses: Floats, now: float, age: float) -> int:
 
 
 @called
-def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, toward: Floats, weighing: Weighing) -> None:
+def weigh_evidence(
+    memory: Memory, scan: Scan, owners: Integers, toward: Floats, in_run: Floats, weighing: Weighing
+) -> None:
     """Compare the scan with past ones, and add to each track's evidence what that says.
 
     Args:
         memory: of the tracks and past scans.
         scan: of now.
-        owners, toward: scratch, of as many as beams.
+        owners, toward, in_run: scratch, of as many as beams.
         weighing: where to write what is told of each track, and what weighs it.
     """
     clues = weighing.clues
@@ -128,19 +130,32 @@ def weigh_evidence(memory: Memory, scan: Scan, owners: Integers, toward: Floats,
             m = mark % TRACKS
             owners[i] = m if mark > 0 and memory.numbers[m, ID] == mark // TRACKS else -1
         past = Surface(memory.scans[k], points[0], points[1], owners, memory.scan_poses[k])
-        count_passes(memory, now, past, scan.settings, clues, PASSED_NOW + lag, toward)
-        count_passes(memory, past, now, scan.settings, clues, PASSED_THEN + lag, toward)
-        lay_side_by_side(memory, now, past, scan.settings, clues, lag)
+        tell_beams(memory, past, now, scan.settings, toward)
+        count_passes(memory, past, now, scan.settings, clues, PASSED_THEN + lag, toward, in_run)
+        tell_beams(memory, now, past, scan.settings, toward)
+        count_passes(memory, now, past, scan.settings, clues, PASSED_NOW + lag, toward, in_run)
+        lay_side_by_side(memory, now, past, scan.settings, clues, lag, toward)
     for m in range(TRACKS):
         if memory.numbers[m, ID] > 0:
             sum_up(memory.state[m], memory.numbers[m], clues[m], scan, weighing)
 
 
+@inlined
+def tell_beams(memory: Memory, surface: Surface, other: Surface, settings: Floats, toward: Floats) -> None:
+    """Write at which beams of another scan the hits lie of what may move (B,)."""
+    for i in range(len(surface.ranges)):
+        m = surface.owner[i]
+        if m >= 0 and may_move(memory.state[m], memory.numbers[m]):
+            toward[i] = beam_toward(surface.x[i], surface.y[i], other.pose, settings)
+
+
 @called
-def lay_side_by_side(memory: Memory, now: Surface, past: Surface, settings: Floats, clues: Floats, lag: int) -> None:
+def lay_side_by_side(
+    memory: Memory, now: Surface, past: Surface, settings: Floats, clues: Floats, lag: int, toward: Floats
+) -> None:
     """Add up for each track how far its hits lie from those of a past scan, if it stood and if it moved.
 
-    And how many lie where something was.
+    And how many lie where something was. `toward`: at which beams of the past scan the hits lie (B,).
     """
     room, age = PLACE + 2.0 * settings[NOISE], now.pose[NOW] - past.pose[NOW]
     for i in range(len(now.ranges)):
@@ -148,17 +163,18 @@ def lay_side_by_side(memory: Memory, now: Surface, past: Surface, settings: Floa
         if m < 0 or not may_move(memory.state[m], memory.numbers[m]):
             continue
         s = memory.state[m]
-        stood = gap_of(memory, m, now.x[i], now.y[i], past, settings)
+        stood = gap_of(memory, m, now.x[i], now.y[i], toward[i], past, settings)
+        x, y = now.x[i] - age * s[VX], now.y[i] - age * s[VY]
         clues[m, STOOD_OFF + lag] += stood
-        clues[m, MOVED_OFF + lag] += gap_of(memory, m, now.x[i] - age * s[VX], now.y[i] - age * s[VY], past, settings)
+        clues[m, MOVED_OFF + lag] += gap_of(memory, m, x, y, beam_toward(x, y, past.pose, settings), past, settings)
         clues[m, EXPLAINED + lag] += 1.0 if stood < room else 0.0
 
 
 @inlined
-def gap_of(memory: Memory, track: int, x: float, y: float, past: Surface, settings: Floats) -> float:
-    """How far from a place a past scan met a track, or something that stands [m], at most FAR."""
+def gap_of(memory: Memory, track: int, x: float, y: float, beam: float, past: Surface, settings: Floats) -> float:
+    """How far from a place at one of its beams a past scan met a track, or something that stands [m], at most FAR."""
     beams, best = len(past.ranges), FAR
-    middle = int(round(beam_toward(x, y, past.pose, settings)))
+    middle = int(round(beam))
     for ray in range(middle - 1, middle + 1):
         h, i = ray % beams, (ray + 1) % beams
         if past.ranges[h] >= settings[RANGE] or past.ranges[i] >= settings[RANGE]:
@@ -180,7 +196,14 @@ def gap_of(memory: Memory, track: int, x: float, y: float, past: Surface, settin
 
 @called
 def count_passes(
-    memory: Memory, surface: Surface, other: Surface, settings: Floats, clues: Floats, column: int, toward: Floats
+    memory: Memory,
+    surface: Surface,
+    other: Surface,
+    settings: Floats,
+    clues: Floats,
+    column: int,
+    toward: Floats,
+    in_run: Floats,
 ) -> None:
     """Count for each track the beams of another scan that went through what one scan saw of it, as far as MOST_PASSES."""
     beams, first = len(surface.ranges), 0
@@ -198,7 +221,7 @@ def count_passes(
             end += 1
         more = MOST_PASSES - int(clues[m, column])
         if more > 0 and may_move(memory.state[m], memory.numbers[m]):
-            passes = passes_of(memory.state[m], surface, begin, end, other, settings, more, toward)
+            passes = passes_of(memory.state[m], surface, begin, end, other, settings, more, toward, in_run)
             clues[m, column] += min(passes, more)
         begin = end
 
@@ -222,23 +245,33 @@ def is_joined(surface: Surface, h: int, i: int, settings: Floats) -> bool:
 
 @called
 def passes_of(
-    s: Floats, surface: Surface, begin: int, end: int, other: Surface, settings: Floats, most: int, toward: Floats
+    s: Floats,
+    surface: Surface,
+    begin: int,
+    end: int,
+    other: Surface,
+    settings: Floats,
+    most: int,
+    toward: Floats,
+    in_run: Floats,
 ) -> int:
     """How many beams of `other` went through a run of hits of a surface; it counts as far as `most`.
 
     Args:
         begin, end: of the run; numbers of beams, which go on after the last one with the first.
+        toward: at which beams of `other` the hits lie (B,).
+        in_run: scratch for the same without a jump at the first beam (B,).
     """
     x, y, pose, step, noise = surface.x, surface.y, other.pose, settings[ANGLE_STEP], settings[NOISE]
     full = 2.0 * math.pi / step
     beams, hits = len(x), end - begin
     first = begin % beams
-    toward[0] = beam_toward(x[first], y[first], pose, settings)
-    low, high = toward[0], toward[0]
+    in_run[0] = toward[first]
+    low, high = in_run[0], in_run[0]
     for k in range(1, hits):
         i = (begin + k) % beams
-        toward[k] = unwrapped(beam_toward(x[i], y[i], pose, settings), toward[k - 1], full)
-        low, high = min(low, toward[k]), max(high, toward[k])
+        in_run[k] = unwrapped(toward[i], in_run[k - 1], full)
+        low, high = min(low, in_run[k]), max(high, in_run[k])
     baseline = math.hypot(surface.pose[POSE_X] - pose[POSE_X], surface.pose[POSE_Y] - pose[POSE_Y])
     newest = max(surface.pose[NOW], other.pose[NOW])
     count = 0
@@ -246,7 +279,7 @@ def passes_of(
     for k in range(max(hits - 1, 1)):
         after = min(k + 1, hits - 1)
         i, j = (begin + k) % beams, (begin + after) % beams
-        a, b, ta = toward[k], toward[after], tb
+        a, b, ta = in_run[k], in_run[after], tb
         tb = math.hypot(x[j] - pose[POSE_X], y[j] - pose[POSE_Y])
         near = min(ta, tb)
         if baseline > TOO_FAR_ASIDE * near:

@@ -61,6 +61,11 @@ CLUES = 37
 DISC = 4
 MOVER = 5
 
+# Rows of what is told of the things that are there: number of the track, place, velocity, radius of its disc [m], time since
+# it was last seen [s], and 1 where it moves.
+NUMBER, AT_X, AT_Y, GOES_X, GOES_Y, OF_RADIUS, UNSEEN, MOVES = range(8)
+THING_ROWS = 8
+
 # Columns of a memory's counters: number of the last track, and how many scans were kept.
 LAST_ID, SCANS_KEPT = range(2)
 COUNTERS = 2
@@ -82,9 +87,9 @@ FX, FY, FR, FR_VARIANCE, ZXX, ZXY, ZYY, MXX, MXY, MYY, SHAPE = range(11)
 FIT = 11
 
 # Rows of an update's working memory, by the field of Hits, Scan or Clusters that they stand for; COUNTS: of each track;
-# TOWARD: where hits lie among the beams of another scan.
-HIT_X, HIT_Y, PLACE_X, PLACE_Y, BEARINGS, SQUARES, TOWARD = range(7)
-FLOAT_ROWS = 7
+# TOWARD: where hits lie among the beams of another scan; IN_RUN: the same for hits side by side.
+HIT_X, HIT_Y, PLACE_X, PLACE_Y, BEARINGS, SQUARES, TOWARD, IN_RUN = range(8)
+FLOAT_ROWS = 8
 MEMBERS, BEGINS, CHOSEN, NEAREST, COUNTS = range(5)
 INTEGER_ROWS = 5
 HIT_FLAGS, THING_FLAGS = range(2)

@@ -234,25 +234,42 @@ def answers(clue: Floats, network: Network, hidden: Floats) -> tuple[float, floa
     Returns:
         What a tenth of a second adds to the log odds, and how fast earlier ones are forgotten, from LEAST_FORGOTTEN to 1.
     """
-    units = len(network.last)
     first, second = hidden[0], hidden[1]
-    for j in range(units):
+    for j in range(len(first)):
         first[j], second[j] = network.first_offset[j], network.second_offset[j]
-    for i in range(CLUES):
-        value = clue[i]
-        for j in range(units):
-            first[j] += value * network.first[i, j]
-    for i in range(units):
-        value = max(first[i], 0.0)
-        for j in range(units):
-            second[j] += value * network.second[i, j]
+    add_rows(clue, network.first, first)
+    for i in range(len(first)):
+        first[i] = max(first[i], 0.0)
+    add_rows(first, network.second, second)
     odds, gate = network.last_offset[0], network.last_offset[1]
-    for i in range(units):
+    for i in range(len(second)):
         value = max(second[i], 0.0)
         odds += value * network.last[i, 0]
         gate += value * network.last[i, 1]
     forgotten = LEAST_FORGOTTEN + (1.0 - LEAST_FORGOTTEN) / (1.0 + math.exp(-gate))
     return MOST_ADDED * math.tanh(odds / MOST_ADDED), forgotten
+
+
+@called
+def add_rows(values: Floats, weights: Floats, total: Floats) -> None:
+    """Add to a total (H,) the rows of weights (K, H) times their values (K,), in order; those of 0 are left out.
+
+    Two at a time, as most of what it takes is to read and write the total.
+    """
+    waiting = -1
+    for i in range(len(values)):
+        if values[i] == 0.0:
+            continue
+        if waiting < 0:
+            waiting = i
+            continue
+        one, other, row, next_row = values[waiting], values[i], weights[waiting], weights[i]
+        for j in range(len(total)):
+            total[j] = (total[j] + one * row[j]) + other * next_row[j]
+        waiting = -1
+    if waiting >= 0:
+        for j in range(len(total)):
+            total[j] += values[waiting] * weights[waiting, j]
 
 
 @inlined

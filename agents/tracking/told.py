@@ -3,26 +3,39 @@
 from __future__ import annotations
 
 from bug_gym.agents.tracking.layout import (
+    AT_X,
+    AT_Y,
     BORN,
     CENTRES,
     CXX,
     CXY,
     CYX,
     CYY,
+    GOES_X,
+    GOES_Y,
     HISTORY,
     ID,
     IS_CONFIRMED,
     IS_MOVING,
+    MOVES,
+    NUMBER,
+    OF_RADIUS,
     PXX,
     PXY,
     PYY,
+    RADIUS,
     SEEN,
     STATE,
     TRACKS,
+    UNSEEN,
+    VX,
     VXX,
     VXY,
+    VY,
     VYY,
     Memory,
+    X,
+    Y,
 )
 from bug_gym.compiling import kernel
 from bug_gym.kernels.layout import Flags, Floats, Integers
@@ -89,4 +102,35 @@ def gather_tracks(
         count += 1
     for i in range(len(owner)):
         beam_track[i] = place[owner[i]] if owner[i] >= 0 else -1
+    return count
+
+
+@kernel
+def tell_things(
+    memory: Memory, owner: Integers, now: float, things: Floats, place: Integers, beam_thing: Integers
+) -> int:
+    """Write what is there, the confirmed tracks in the same order, without their spreads and histories; returns how many.
+
+    Args:
+        memory: of the episode.
+        owner: place of the track that each hit belongs to (B,), -1 none.
+        now: [s].
+        things: what is told of each (THING_ROWS, TRACKS).
+        place: working memory (TRACKS,).
+        beam_thing: which of these each hit belongs to (B,), -1 none.
+    """
+    count = 0
+    for m in range(TRACKS):
+        n, s = memory.numbers[m], memory.state[m]
+        place[m] = -1
+        if n[ID] <= 0 or n[IS_CONFIRMED] == 0:
+            continue
+        things[NUMBER, count], things[OF_RADIUS, count] = n[ID], s[RADIUS]
+        things[AT_X, count], things[AT_Y, count] = s[X], s[Y]
+        things[GOES_X, count], things[GOES_Y, count] = s[VX], s[VY]
+        things[UNSEEN, count], things[MOVES, count] = now - s[SEEN], 1.0 if n[IS_MOVING] > 0 else 0.0
+        place[m] = count
+        count += 1
+    for i in range(len(owner)):
+        beam_thing[i] = place[owner[i]] if owner[i] >= 0 else -1
     return count

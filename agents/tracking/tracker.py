@@ -38,6 +38,7 @@ from bug_gym.agents.tracking.layout import (
     RADIUS,
     SCANS,
     STATE,
+    THING_ROWS,
     TRACKS,
     VX,
     VY,
@@ -46,7 +47,7 @@ from bug_gym.agents.tracking.layout import (
     Y,
 )
 from bug_gym.agents.tracking.motion import Network, Weighing, shipped
-from bug_gym.agents.tracking.told import gather_tracks
+from bug_gym.agents.tracking.told import gather_tracks, tell_things
 from bug_gym.agents.tracking.update import update_tracks
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors, View
@@ -181,6 +182,21 @@ class Tracker:
         """
         self.take_in(memory, view, time, self._movers)
         return self._tracks(memory, view, time)
+
+    def things(self, memory: TrackerMemory, view: View, time: float) -> tuple[F64, NDArray[np.int64]]:
+        """What `update` does, for who asks for places and velocities alone.
+
+        Returns:
+            What is told of each of `update`'s tracks, a row for each number (THING_ROWS, T), see layout; and which of
+            them each beam ended at (B,), -1 none.
+
+        Raises:
+            ValueError: see there.
+        """
+        self.take_in(memory, view, time, self._movers)
+        things, beam_thing = np.empty((THING_ROWS, TRACKS)), np.empty_like(self.owner)
+        count = tell_things(memory.arrays(), self.owner, time, things, self._places, beam_thing)
+        return things[:, :count], beam_thing
 
     def take_in(self, memory: TrackerMemory, view: View, time: float, movers: F64) -> int:
         """What `update` does, for who asks for what is there and moves alone.

@@ -30,6 +30,7 @@ from bug_gym.agents.tracking.layout import (
     HIT_Y,
     HITS,
     ID,
+    IN_RUN,
     IS_CONFIRMED,
     IS_FULL_CIRCLE,
     IS_MOVING,
@@ -112,7 +113,7 @@ def update_tracks(
     fit_things(hits, clusters, count)
     associate(memory, clusters, count, pose)
     take_things(memory, scan, hits, clusters, count)
-    weigh_evidence(memory, scan, nearest, floats[TOWARD], weighing)
+    weigh_evidence(memory, scan, nearest, floats[TOWARD], floats[IN_RUN], weighing)
     close_update(memory, scan)
     keep_scan(memory, scan)
     return tell_movers(memory, movers)

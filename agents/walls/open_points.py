@@ -82,15 +82,15 @@ class Lookout:
         self.spacing = float(angles[1] - angles[0]) if len(angles) > 1 else 2.0 * math.pi
         """Angle between two neighbouring beams [rad]."""
         self._wraps = bool(angles[-1] + 1.5 * self.spacing >= angles[0] + 2.0 * math.pi)
-        self._headings = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
 
     def look(self, view: View) -> Profile:
         """The free ways of a disc over the full circle, counted from the goal's bearing, and where they jump."""
         sensors, first, beams = view.sensors, view.goal_bearing, len(view.ranges)
         scanner = sensors.range, sensors.range_noise, self.spacing, self._wraps
-        axes = np.cos(first + self._headings), np.sin(first + self._headings)
+        cos, sin = np.empty((2, HEADINGS))
         x, y, ranges = np.empty((3, beams))
-        link, chosen = np.empty(beams, dtype=np.bool_), np.empty(beams, dtype=np.int64)
+        link, is_long = np.empty((2, beams), dtype=np.bool_)
+        chosen = np.empty(beams, dtype=np.int64)
         free, beam = np.empty(HEADINGS), np.empty(HEADINGS, dtype=np.int64)
         found, side = np.empty((HEADINGS, 5)), np.empty(HEADINGS, dtype=np.int64)
         count = open_ways.look_round(
@@ -98,8 +98,8 @@ class Lookout:
             sensors.beam_directions,
             scanner,
             (self.radius, self.jump, first),
-            axes,
-            (x, y, ranges, link),
+            (cos, sin),
+            (x, y, ranges, link, is_long),
             (free, beam),
             chosen,
             found,

@@ -14,6 +14,7 @@ from bug_gym import kernels
 from bug_gym.agents import make_policy
 from bug_gym.agents.bugs.operative_critical_point_bug import OperativeCriticalPointBug, Sight
 from bug_gym.agents.critical_points.circle import leg_along, leg_to
+from bug_gym.agents.critical_points.looks import SHIFTS
 from bug_gym.agents.critical_points.meeting import Mover
 from bug_gym.agents.critical_points.memory import CriticalPoint, LastEnd
 from bug_gym.agents.walls.boundary import WAIT
@@ -287,7 +288,7 @@ def test_of_a_thing_shifted_once_nothing_is_said() -> None:
         memory: Any = state[0]
         if memory.movers:
             found = min(found, 0.1 * step)
-        assert not memory.movers or any(look.shifts == 2 for look in memory.sets.looks.values())
+        assert not memory.movers or (memory.sets.looks[:, SHIFTS] == 2.0).any()
         observation = simulation.step(action[:, None]).observation
     # Two looks, the least time apart; at this speed it shifts by the threshold in a tenth of a second.
     assert 0.6 <= found <= 1.5

@@ -114,12 +114,13 @@ def test_the_free_ways_are_those_of_a_disc_along_finely_sampled_walls(seed: int)
     view = View(simulation.reset(seeds=[seed])[0, 0], sensors)
     radius, m = 0.3, 90
     x, y = sensors.beam_directions * view.ranges
-    link = np.empty(48, dtype=np.bool_)
+    link, is_long = np.empty((2, 48), dtype=np.bool_)
     open_ways.link_beams(x, y, view.ranges, sensors.range, 0.3, 2.0 * radius, 0.0, True, link)
+    open_ways.tell_long_walls(x, y, link, radius, is_long)
     angles = 2.0 * math.pi / m * np.arange(m) + 0.123
     free, beam = np.empty(m), np.empty(m, dtype=np.int64)
     open_ways.sweep_disc(
-        x, y, view.ranges, sensors.range, link, radius, 0.123, np.cos(angles), np.sin(angles), free, beam
+        x, y, view.ranges, sensors.range, is_long, radius, 0.123, np.cos(angles), np.sin(angles), free, beam
     )
     px, py = view.points
     after = np.flatnonzero(link)

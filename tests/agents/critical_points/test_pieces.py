@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled import for_python
+from numpy.typing import NDArray
 
 from bug_gym import kernels
 from bug_gym.agents.critical_points.circle import leg_along, leg_to, virtual_circle
 from bug_gym.agents.critical_points.cost import Cost
+from bug_gym.agents.critical_points.looks import INTERVAL, LOOK, SHIFTS, THRESHOLD, TIME, is_due, look_again, recall
 from bug_gym.agents.critical_points.meeting import (
     Mover,
     is_behind,
@@ -19,7 +22,7 @@ from bug_gym.agents.critical_points.meeting import (
     printed_times,
     virtual_obstacle,
 )
-from bug_gym.agents.critical_points.moving import Look, OpenPointSets, is_due, looked_at, track_settings
+from bug_gym.agents.critical_points.moving import LEAST_LOOK, SAME_WAY, OpenPointSets, rules_of_looks
 from bug_gym.agents.critical_points.scan_kernels import bridge_dropouts, can_turn, cast_capsule, sweep_leg
 from bug_gym.agents.critical_points.sub_goals import perpendicular_sub_goal, printed_sub_goal
 from bug_gym.simulation import Simulation
@@ -350,29 +353,40 @@ def test_the_least_distance_on_a_leg_is_that_of_finely_sampled_times(seed: int) 
 # ------------------------------------------------------------------------------------------------ what moves
 
 
+RULES = np.array([0.05, 0.5, LEAST_LOOK, SAME_WAY])
+
+
+def first_look() -> NDArray[np.float64]:
+    """At a thing that nothing is known of, at time 0."""
+    look = np.empty(LOOK)
+    for_python(recall)(1.0, 0.0, 0.0, 0.0, np.empty((0, LOOK)), look)
+    return look
+
+
 def test_a_thing_is_dynamic_only_when_it_has_shifted_twice_the_same_way() -> None:
-    look = Look(0.0, (0.0, 0.0), (0.0, 0.0), 0)
-    once = looked_at(look, 0.5, (0.1, 0.0), 0.05)
-    assert once.shifts == 1
-    assert looked_at(once, 1.0, (0.2, 0.02), 0.05).shifts == 2
-    assert looked_at(once, 1.0, (0.0, 0.0), 0.05).shifts == 1
-    assert looked_at(once, 1.0, (0.13, 0.0), 0.05).shifts == 0
+    again, once = for_python(look_again), first_look()
+    again(once, 0.5, 0.1, 0.0, RULES)
+    assert once[SHIFTS] == 1.0 and once[TIME] == 0.5
+    for place, shifts in (((0.2, 0.02), 2.0), ((0.0, 0.0), 1.0), ((0.13, 0.0), 0.0)):
+        look = once.copy()
+        again(look, 1.0, *place, RULES)
+        assert look[SHIFTS] == shifts
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
 def test_a_shift_is_more_than_noise_and_the_slowest_thing_that_counts_makes_it_between_two_looks(noise: float) -> None:
     sensors = Sensors.of(Simulation("static", overrides={"lidar.noise": noise}).scenario)
-    threshold, interval = track_settings(sensors)
+    threshold, interval = rules_of_looks(sensors)[[THRESHOLD, INTERVAL]]
     assert threshold > 3.0 * noise + 0.02
     assert interval >= 0.3 and 0.1 * interval >= threshold - 1e-9
 
 
 def test_the_next_look_comes_after_dot_and_sooner_at_a_fast_thing() -> None:
-    look = Look(0.0, (0.0, 0.0), (0.0, 0.0), 0)
-    assert not is_due(look, 0.4, (0.01, 0.0), 0.05, 0.5)
-    assert is_due(look, 0.5, (0.01, 0.0), 0.05, 0.5)
-    assert is_due(look, 0.3, (0.2, 0.0), 0.05, 0.5)
-    assert not is_due(look, 0.2, (0.2, 0.0), 0.05, 0.5)
+    is_time, look = for_python(is_due), first_look()
+    assert not is_time(look, 0.4, 0.01, 0.0, RULES)
+    assert is_time(look, 0.5, 0.01, 0.0, RULES)
+    assert is_time(look, 0.3, 0.2, 0.0, RULES)
+    assert not is_time(look, 0.2, 0.2, 0.0, RULES)
 
 
 def test_by_the_printed_rule_an_open_point_is_still_then_shifted_then_dynamic() -> None:

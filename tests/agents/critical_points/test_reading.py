@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any
 
@@ -10,9 +11,10 @@ import pytest
 from episodes import scene
 
 from bug_gym.agents.critical_points.meeting import Mover, Times, virtual_obstacle
-from bug_gym.agents.critical_points.moving import OpenPointSets, TrackSets
+from bug_gym.agents.critical_points.moving import LEAST_LOOK, SAME_WAY, OpenPointSets, TrackSets
 from bug_gym.agents.critical_points.reading import Scanner
-from bug_gym.agents.tracking.tracker import Tracks
+from bug_gym.agents.tracking.layout import AT_X, AT_Y, GOES_X, MOVES, NUMBER, OF_RADIUS, THING_ROWS, UNSEEN
+from bug_gym.geometry import F64
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -92,25 +94,14 @@ def test_a_bearing_belongs_to_the_beam_nearest_to_it() -> None:
 # ------------------------------------------------------------------------------------------------ what moves
 
 
-def tracks_at(x: float, *, moving: bool = True, unseen: float = 0.0) -> Tracks:
-    """One track."""
-    one = np.zeros(1)
-    return Tracks(
-        id=np.array([1]),
-        position=np.array([[x, 0.0]]),
-        velocity=np.array([[1.0, 0.0]]),
-        radius=one + 0.4,
-        covariance=np.zeros((1, 4, 4)),
-        moving=np.array([moving]),
-        age=one,
-        unseen=one + unseen,
-        innovation=one,
-        history=np.zeros((1, 2, 2)),
-        history_times=np.zeros((1, 2)),
-        beam_track=np.zeros(0, dtype=np.int64),
-        ranges=np.zeros(0),
-        pose=(0.0, 0.0, 0.0),
-    )
+RULES = np.array([0.05, 0.5, LEAST_LOOK, SAME_WAY])
+
+
+def thing_at(x: float, *, moving: bool = True, unseen: float = 0.0) -> F64:
+    """What is told of one thing (THING_ROWS, 1)."""
+    thing = np.zeros((THING_ROWS, 1))
+    thing[[NUMBER, AT_X, GOES_X, OF_RADIUS, UNSEEN, MOVES], 0] = 1.0, x, 1.0, 0.4, unseen, moving
+    return thing
 
 
 @pytest.mark.parametrize(
@@ -120,10 +111,56 @@ def tracks_at(x: float, *, moving: bool = True, unseen: float = 0.0) -> Tracks:
 )
 def test_dynamic_is_what_shifts_twice_in_sight_into_space_that_was_free(seen_as: dict[str, Any], count: int) -> None:
     """The view of a long thing shifts too, and what is out of sight is only thought to go on."""
-    sets, movers = TrackSets(), []
+    sets = TrackSets()
+    movers: list[Mover] = []
     for step in range(11):
-        movers = sets.update(tracks_at(0.1 * step, **seen_as), 0.1 * step, 0.05, 0.5)
+        movers, is_dynamic = sets.update(thing_at(0.1 * step, **seen_as), 0.1 * step, RULES)
+        assert is_dynamic.tolist() == [len(movers) > 0, False]
     assert len(movers) == count
+    assert count == 0 or movers == [Mover(1, (1.0, 0.0), (1.0, 0.0), 0.4)]
+
+
+def sorted_by_hand(looks: dict[int, tuple[float, complex, complex, int]], things: F64, time: float) -> set[int]:
+    """The rule of the sets, thing by thing: numbers of what is dynamic; `looks` has time, place, shift and set of each."""
+    threshold, interval = RULES[:2]
+    known = {}
+    for number, x, y, unseen in things[[NUMBER, AT_X, AT_Y, UNSEEN]].T.tolist():
+        place = complex(x, y)
+        then, before, last_shift, shifts = looks.get(number, (time, place, 0j, 0))
+        passed, shift = time - then + 1e-6, place - before
+        due = passed >= interval or (passed >= LEAST_LOOK and abs(shift) > threshold)
+        if unseen == 0.0 and due:
+            turned = abs(cmath.phase(shift * last_shift.conjugate()))
+            shifts = 0 if abs(shift) <= threshold else 2 if shifts and turned <= math.radians(60.0) else 1
+            then, before, last_shift = time, place, shift
+        known[number] = then, before, last_shift, shifts
+    looks.clear()
+    looks.update(known)
+    moves = things[MOVES] > 0.0
+    return {int(number) for number in things[NUMBER, moves].tolist() if known[number][3] == 2}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_sets_are_sorted_as_thing_by_thing(seed: int) -> None:
+    """Things that stand, go on, turn, go out of sight, come and go: the compiled looks follow the rule."""
+    random, sets = np.random.default_rng(seed), TrackSets()
+    looks: dict[int, tuple[float, complex, complex, int]] = {}
+    things = np.zeros((THING_ROWS, 12))
+    things[NUMBER], things[OF_RADIUS] = np.arange(1, 13), 0.3
+    heading, speed = random.uniform(0.0, 6.3, 12), random.choice([0.0, 0.02, 0.2, 1.0], 12)
+    found: set[int] = set()
+    for step in range(120):
+        heading += random.choice([0.0, 0.0, 0.0, 2.0], 12)
+        things[[AT_X, AT_Y]] += 0.1 * speed * np.array([np.cos(heading), np.sin(heading)])
+        things[UNSEEN] = random.choice([0.0, 0.0, 0.1], 12)
+        things[MOVES] = random.choice([0.0, 1.0, 1.0], 12)
+        there = np.ascontiguousarray(things[:, random.uniform(size=12) > 0.05])
+        movers, is_dynamic = sets.update(there, 0.1 * step, RULES)
+        numbers = {mover.number for mover in movers}
+        assert numbers == sorted_by_hand(looks, there, 0.1 * step)
+        assert numbers == set(there[NUMBER, is_dynamic[:-1]].tolist())
+        found |= numbers
+    assert 3 <= len(found) < 12
 
 
 def test_by_the_printed_rule_a_shift_of_more_than_a_second_ago_is_forgotten() -> None:

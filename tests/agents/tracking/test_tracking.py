@@ -11,7 +11,23 @@ import pytest
 from numpy.typing import NDArray
 from tracked import STEP, disc, last_tracks, track, world_of
 
-from bug_gym.agents.tracking.layout import DISC, MOVER, TRACKS, VX, VY, X, Y
+from bug_gym.agents.tracking.layout import (
+    AT_X,
+    AT_Y,
+    DISC,
+    GOES_X,
+    GOES_Y,
+    MOVER,
+    MOVES,
+    NUMBER,
+    OF_RADIUS,
+    TRACKS,
+    UNSEEN,
+    VX,
+    VY,
+    X,
+    Y,
+)
 from bug_gym.agents.tracking.tracker import Tracker, TrackerMemory, Tracks
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
@@ -294,6 +310,25 @@ def test_selected_tracks_keep_their_beams() -> None:
     assert chosen.id.tolist() == [tracks.id[1]]
     assert np.array_equal(chosen.beam_track == 0, tracks.beam_track == 1)
     assert np.array_equal(chosen.beam_track == -1, tracks.beam_track != 1)
+
+
+@pytest.mark.parametrize("scenario", ["rush", "static"])
+def test_what_is_told_of_things_is_what_their_tracks_say(scenario: str) -> None:
+    tracker: Tracker | None = None
+    seen = 0
+    for simulation, view, tracks in track(scenario, 6.0, policy="random"):
+        if tracker is None:
+            tracker = Tracker(view.sensors)
+            memory = tracker.start()
+        things, beam_thing = tracker.things(memory, view, float(simulation.world.time[0]))
+        assert np.array_equal(beam_thing, tracks.beam_track)
+        assert np.array_equal(
+            things[[NUMBER, OF_RADIUS, UNSEEN, MOVES]], [tracks.id, tracks.radius, tracks.unseen, tracks.moving]
+        )
+        assert np.array_equal(things[[AT_X, AT_Y]].T, tracks.position)
+        assert np.array_equal(things[[GOES_X, GOES_Y]].T, tracks.velocity)
+        seen += len(tracks.id)
+    assert seen > 20
 
 
 def test_time_must_go_forward() -> None:
