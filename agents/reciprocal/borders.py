@@ -1,4 +1,4 @@
-"""The compiled part of ORCA for robots whose commands act late: a border between two of them that neither will cross.
+"""The compiled part of ORCA for robots with inertia: a border between two of them that neither will cross.
 
 What the other one has under way it alone knows, and places say nothing of it. So both keep a line between them, which
 either works out from the places of both: on its own side each keeps all of its way, with what is under way. The line moves

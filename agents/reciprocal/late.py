@@ -1,4 +1,4 @@
-"""ORCA where commands act late: it decides for where a command of now will find the robots, and none crosses a border.
+"""ORCA with inertia: it decides for where a command of now will find the robots, and none crosses a border.
 
 Of itself a robot knows where that is, as it has what is under way in mind; others are taken to go on as they go. That is
 a guess, which the borders (borders.py) do not need: what is chosen, and what is sent at last, stays behind them.
@@ -25,7 +25,7 @@ ROUNDING = 1e-6
 
 
 class LateRobots:
-    """What robots do among others that run the same, whose commands all act late.
+    """What robots do among others that run the same, none of which can change its speed at once.
 
     Args:
         sensors: of each of them.

@@ -5,12 +5,11 @@ cannot go sideways by a larger radius: Alonso-Mora et al. (2013), "Optimal Recip
 Non-Holonomic Robots".
 Sensing assumed: ranges all round, goal, own position; of the other robots place and velocity (`peers`), and that they are
 like this one and do the same. What else moves is tracked in the scan, and all of the avoidance is this robot's. Memory
-kept: the bug's, the tracker's, the borders to the others where commands act late, and how far others held the robot up in
+kept: the bug's, the tracker's, the borders to the others where it cannot change its speed at once, and how far others held the robot up in
 the last decision. States: go (nobody changes what it would do), avoid. Guarantee: two robots that both run it never touch,
 with exact `peers`, where they can change their speed at once and stand: none closes more than half of the gap between them
-in a step. Nor do they with `latency`, with exact odometry and continuous actions: neither crosses a border that both work
-out (late.py), and acceleration may be limited there. Where it is, without latency, holonomic ones and cars may touch. It proves
-nothing about arriving, nor about movers that do not look. Length: none given.
+in a step. Nor do they where acceleration is limited or commands act late, with exact odometry and continuous actions: neither
+crosses a border that both work out (late.py). It proves nothing about arriving, nor about movers that do not look. Length: none given.
 
 The way: among walls ORCA by itself stops in every dead end. So the wish is what a bug would do if no one else were
 there: it sees the scan without the bodies of the others.
@@ -92,7 +91,7 @@ class OrcaMemory(Memory):
     at_rest: F64 | None = None
     """For how long each of the other robots has been at rest (R - 1,) [s]."""
     borders: F64 | None = None
-    """To each of the other robots (R - 1, BORDER), where commands act late."""
+    """To each of the other robots (R - 1, BORDER), where it cannot change its speed at once."""
     held_up: float = 0.0
     """How much of the wish the others left nothing of in the last decision, from 0 to 1."""
     was_disturbed: bool = False
@@ -169,8 +168,9 @@ class Orca(ScriptedPolicy):
         self.margin = SKIN + (0.0 if drive.kinematics == "holonomic" else 2.0 * enlargement)
         """Kept between this robot and another body, as far as there is room [m]."""
         self.wall_margin = SKIN + 2.0 * sensors.range_noise
-        self.late = LateRobots(sensors, self.peers, SKIN) if drive.latency > 0 and self.peers and not discrete else None
-        """What it does where commands act later than they are given; discrete ones are kept by nobody."""
+        keeps_borders = drive.has_inertia and self.peers > 0 and not discrete
+        self.late = LateRobots(sensors, self.peers, SKIN) if keeps_borders else None
+        """What it does where it cannot change its speed at once; discrete commands are kept by nobody."""
         numbers = (
             sensors.radius,
             self.wall_margin,
@@ -330,7 +330,7 @@ class Orca(ScriptedPolicy):
         return chosen
 
     def last_word(self, view: View, memory: OrcaMemory, action: NDArray[Any]) -> NDArray[Any]:
-        """The action; where commands act late, none that leads over a border."""
+        """The action; where it cannot change its speed at once, none that leads over a border."""
         if self.late is None or memory.borders is None:
             return action
         return self.late.kept_back(view, action, memory.borders)

@@ -474,10 +474,19 @@ def test_robots_that_all_want_to_one_place_do_not_touch(kinematics: str, max_acc
     assert "collision" not in drive.outcomes and drive.nearest >= 2.0 * R
 
 
-@pytest.mark.parametrize("max_acceleration", [None, 1.0])
+@pytest.mark.parametrize("max_acceleration", [0.5, 1.0])
+def test_eight_who_can_hardly_slow_down_do_not_touch_in_the_middle(max_acceleration: float) -> None:
+    robot = {"robot.kinematics": "holonomic", "robot.max_acceleration": max_acceleration}
+    drive = Drive("circle_swap", {"robots.count": 8, **robot}, seeds=5)
+    assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
+
+
+@pytest.mark.parametrize(("max_acceleration", "latency"), [(None, 0.3), (1.0, 0.3), (1.0, 0.0)])
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
-def test_those_whose_commands_act_late_do_not_touch_either(kinematics: str, max_acceleration: float | None) -> None:
-    robot = {"robot.kinematics": kinematics, "robot.max_acceleration": max_acceleration, "robot.latency": 0.3}
+def test_those_with_inertia_do_not_touch_either(
+    kinematics: str, max_acceleration: float | None, latency: float
+) -> None:
+    robot = {"robot.kinematics": kinematics, "robot.max_acceleration": max_acceleration, "robot.latency": latency}
     for robots in (2, 6):
         drive = Drive("circle_swap", {"robots.count": robots, "lidar.noise": 0.0, **robot}, seeds=2, way="goal")
         assert drive.outcomes == {"success"} and drive.nearest >= 2.0 * R
@@ -541,9 +550,9 @@ def test_what_would_lead_over_a_border_is_not_sent() -> None:
         np.testing.assert_array_equal(policy.last_word(view, memory, forward), expected)
 
 
-def test_borders_are_kept_only_among_others_by_those_whose_commands_act_late() -> None:
-    late = {"robot.latency": 0.2, "robots.count": 2}
-    for overrides, discrete, has in ((late, False, True), (late, True, False), ({}, False, False)):
+def test_borders_are_kept_only_among_others_by_those_with_inertia() -> None:
+    late, slow = {"robot.latency": 0.2, "robots.count": 2}, {"robot.max_acceleration": 1.0, "robots.count": 2}
+    for overrides, discrete, has in ((late, False, True), (slow, False, True), (late, True, False), ({}, False, False)):
         policy = orca.Orca(Sensors.of(load("circle_swap", overrides)), discrete=discrete)
         assert (policy.late is not None) is has
     alone: Any = make_policy("orca", load("static", {"robot.latency": 0.2}))
