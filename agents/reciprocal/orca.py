@@ -4,12 +4,13 @@ Source: van den Berg, Guy, Lin and Manocha (2011), "Reciprocal n-Body Collision 
 cannot go sideways by a larger radius: Alonso-Mora et al. (2013), "Optimal Reciprocal Collision Avoidance for Multiple
 Non-Holonomic Robots".
 Sensing assumed: ranges all round, goal, own position; of the other robots place and velocity (`peers`), and that they are
-like this one and do the same. What else moves is tracked in the scan, and all of the avoidance is this robot's. Memory
-kept: the bug's, the tracker's, the borders to the others where it cannot change its speed at once, and how far others held the robot up in
-the last decision. States: go (nobody changes what it would do), avoid. Guarantee: two robots that both run it never touch,
-with exact `peers`, where they can change their speed at once and stand: none closes more than half of the gap between them
-in a step. Nor do they where acceleration is limited or commands act late, with exact odometry and continuous actions: neither
-crosses a border that both work out (late.py). It proves nothing about arriving, nor about movers that do not look. Length: none given.
+like this one and do the same. What else moves is tracked in the scan, and all of the avoidance is this robot's. Memory kept:
+the bug's, the tracker's, the borders to the others where it cannot change its speed at once, and how far others held the
+robot up in the last decision. States: go (nobody changes what it would do), avoid. Guarantee: two robots that both run it
+never touch, with exact `peers`, where they can change their speed at once and stand: none closes more than half of the gap
+between them in a step. Nor do they where acceleration is limited or commands act late, with exact odometry and continuous
+actions: neither crosses a border that both work out (late.py). It proves nothing about arriving, nor about movers that do not
+look. Length: none given.
 
 The way: among walls ORCA by itself stops in every dead end. So the wish is what a bug would do if no one else were
 there: it sees the scan without the bodies of the others.
