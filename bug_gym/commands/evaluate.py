@@ -46,7 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-privileged", dest="privileged", action="store_false", help="leave out policies that read the map"
     )
     parser.add_argument("--data", type=told_path, help="somebody else's data that a suite needs")
-    parser.add_argument("--out", type=told_path, help="folder for rows, summary and report; goes on with a run cut off")
+    parser.add_argument(
+        "--out",
+        type=told_path,
+        help="folder for rows, summary and report; goes on with a run cut off, or asked for more",
+    )
     parser.add_argument(
         "--pictures", action="store_true", help="draw a typical episode of each policy and scenario into --out, too"
     )

@@ -63,8 +63,8 @@ def evaluate(
         seed: of the first world, the others count up; None: as the suite says, 0 without one.
         workers: processes that share the work, or a cluster that does (`bug_gym.cluster.connected`). Times of decisions
             are fair where each process has a core of its own.
-        out: a folder for the rows as they come, the summary and the report. A run that was cut off goes on from it; one
-            process at a time writes there.
+        out: a folder for the rows as they come, the summary and the report. A run that was cut off goes on from it, and
+            one that asks for more; one process at a time writes there.
         overrides: values by dotted key that replace those of every scenario.
         progress: whether to show a bar on the terminal.
         data: path of the data that a suite needs and that is not part of this package.

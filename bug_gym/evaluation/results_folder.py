@@ -1,5 +1,7 @@
 """The folder in which the rows of a plan are kept as they come, so that a run that was cut off goes on.
 
+So does one of which more is asked than before: what is there is what it would be in a new folder.
+
 manifest.json says what was asked, rows.jsonl has one row a line in order of arrival, shortest_paths.jsonl one world, and
 failed.txt the tracebacks of policies that failed. All but the last is checked when it is read back: nothing that this plan
 cannot have made reaches a summary. A kill leaves at most a torn last line and, where a world has several robots, a last
@@ -50,7 +52,8 @@ def opened(path: str | os.PathLike[str], plan: Plan, *, repair: bool = False) ->
     """The folder of a plan, kept to this process as long as it is open.
 
     Args:
-        path: a folder that is missing or empty, or that of an earlier run of the same plan with policies by name.
+        path: a folder that is missing or empty, or that of an earlier run of the same plan, or a part of it, with policies by
+            name.
         plan: what is evaluated.
         repair: whether lines that this plan cannot have are dropped, and what stands twice; else they are an error.
 
@@ -117,14 +120,15 @@ class ResultFolder:
         return path
 
     def _agree_on_manifest(self) -> None:
-        """Write down what is asked, or find that the same was asked before."""
+        """Write down what is asked, or find that the same was asked before, or less: its rows are the same in both."""
         path, manifest = self.path / MANIFEST, self._plan.manifest()
         is_new = not path.exists()
         there = kept_manifest(path, manifest)
         if is_new:
             return
         checked(Manifest, there, f"{path} is damaged")
-        if other := other_run(without_places(there), without_places(manifest)):
+        before, now = without_places(there), without_places(manifest)
+        if other := other_run(grown(before, now), now):
             raise ValueError(f"{self.path} holds {other}; name another folder, or remove this one")
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
@@ -135,6 +139,8 @@ class ResultFolder:
                     f"{self.path} holds a run with {nameless[0]}, which is written in no file: nobody can tell whether it is "
                     "the same function"
                 )
+        if before != now:
+            write_manifest(path, manifest)
 
     def _read_lengths(self) -> _Lines[tuple[World, list[float]]]:
         lines = _Lines(self.path / LENGTHS, self._length_of)
@@ -322,13 +328,29 @@ def kept_manifest(path: Path, manifest: Mapping[str, Any]) -> Any:
         ValueError: it is no JSON.
     """
     if not path.exists():
-        with replaced_when_done(path) as partial:
-            partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        write_manifest(path, manifest)
         return manifest
     try:
         return from_json(path.read_bytes())
     except ValueError as error:
         raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
+    """Write what is asked, whole or not at all."""
+    with replaced_when_done(path) as partial:
+        partial.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+
+
+def grown(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest on disk, as if it had asked what ours asks beyond it: scenarios, policies, and seeds about those it has."""
+    scenarios = {**here["scenarios"], **there["scenarios"]}
+    for label in there["scenarios"].keys() & here["scenarios"].keys():
+        about, now = there["scenarios"][label], here["scenarios"][label]["seeds"]
+        first, count = about["seeds"]["first"], about["seeds"]["count"]
+        if now["first"] <= first and first + count <= now["first"] + now["count"]:
+            scenarios[label] = {**about, "seeds": now}
+    return {**there, "scenarios": scenarios, "policies": {**here["policies"], **there["policies"]}}
 
 
 def without_places(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -653,10 +653,11 @@ def test_a_killed_run_loses_no_finished_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"episodes": 3}, "scenarios.static.seeds.count was 2, is now 3"),
+        ({"episodes": 1}, "scenarios.static.seeds.count was 2, is now 1"),
+        ({"seed": 1, "episodes": 8}, "scenarios.static.seeds.first was 0, is now 1"),
         ({"overrides": {"lidar.beams": 90}}, "scenarios.static.scenario.lidar.beams was 64, is now 90"),
         ({"policies": [("bug0", "bug0", {"turn": "right"})]}, "policies.bug0.parameters.turn was missing"),
-        ({"policies": ["bug0", "bug2"]}, "policies.bug2 was missing"),
+        ({"policies": ["bug2"]}, "policies.bug0 was .*, is now missing"),
     ],
 )
 def test_a_folder_of_another_run_is_refused_by_what_differs(
@@ -668,6 +669,35 @@ def test_a_folder_of_another_run_is_refused_by_what_differs(
     with pytest.raises(ValueError, match=message):
         evaluate(scenario_or_suite="static", **{**arguments, **change})
     assert sorted((path, path.read_bytes()) for path in tmp_path.rglob("*") if path.is_file()) == before
+
+
+def test_a_folder_grows_by_seeds_and_policies_and_has_what_a_new_one_would(tmp_path: Path) -> None:
+    grown, new = tmp_path / "grown", tmp_path / "new"
+    first = evaluate("bug0", "static", episodes=3, seed=4, out=grown)
+    before = lines_of(grown)
+    rows = evaluate(["bug0", "bug2"], "static", episodes=8, seed=2, out=grown)
+    assert lines_of(grown)[: len(before)] == before and len(rows) == len(lines_of(grown)) == 16
+    assert [row for row in rows if row.policy == "bug0" and 4 <= row.seed < 7] == first
+
+    def without_times(folder: Path) -> list[dict[str, Any]]:
+        told = [json.loads(line) for line in lines_of(folder)]
+        kept = [{key: value for key, value in row.items() if "decision_time" not in key} for row in told]
+        return sorted(kept, key=lambda row: (row["policy"], row["seed"]))
+
+    evaluate(["bug0", "bug2"], "static", episodes=8, seed=2, out=new)
+    assert without_times(grown) == without_times(new)
+    assert (grown / "manifest.json").read_bytes() == (new / "manifest.json").read_bytes()
+    evaluate(["bug0", "bug2"], "static", episodes=8, seed=2, out=grown)
+    assert len(lines_of(grown)) == 16
+    with pytest.raises(ValueError, match=r"seeds\.first was 2, is now 4"):  # what it has grown by is its own now
+        evaluate("bug0", "static", episodes=3, seed=4, out=grown)
+
+
+def test_a_folder_grows_by_scenarios(tmp_path: Path) -> None:
+    suite: dict[str, Any] = {"name": "growing", "seeds": {"count": 2}, "scenarios": ["static"]}
+    evaluate("bug0", suite, out=tmp_path)
+    rows = evaluate("bug0", {**suite, "scenarios": ["empty", "static"]}, out=tmp_path)
+    assert [row.scenario for row in rows] == ["empty", "empty", "static", "static"] and len(lines_of(tmp_path)) == 4
 
 
 def test_a_policy_object_does_not_go_on_with_the_rows_of_another(tmp_path: Path) -> None:

@@ -232,7 +232,7 @@ def test_a_shortest_path_that_the_plan_cannot_have_is_refused_with_file_line_and
         ('{"suite": "", "scenarios": {}, "policies": {}, "versions": {}, "x": 1}', "unknown key.*x|x: unknown key"),
         (
             '{"suite": "", "scenarios": {}, "policies": {}, "versions": {}}',
-            "holds another run: scenarios.open was missing",
+            "holds another run: versions.bug_gym was missing",
         ),
     ],
 )
