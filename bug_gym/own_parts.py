@@ -22,8 +22,9 @@ from bug_gym.naming import nearest_hint
 from bug_gym.observation import Field
 from bug_gym.references import kept_in_process
 from bug_gym.schema.errors import ScenarioError, shortened
-from bug_gym.schema.own import ObservationField, RewardTerm, required_function, told_function
+from bug_gym.schema.own import OWN_PARTS, ObservationField, RewardTerm, required_function, told_function
 from bug_gym.world import World
+from bug_gym.worlds.own import OwnFamily, required_trust
 
 Rows = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -100,6 +101,20 @@ class OwnPart(NamedTuple):
                 f"{self.told} gave {shortened(value[robot].tolist())} for row {robot}, expected finite numbers"
             )
         return value.reshape(expected)
+
+
+def own_code_of(scenario: Scenario) -> dict[str, Any]:
+    """A scenario's own functions and family, by key and name.
+
+    Raises:
+        ScenarioError: code that is only named, and that nobody trusts.
+    """
+    parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
+    found: dict[str, Any] = {told: required_function(own, told) for told, own in parts.items()}
+    required_trust(scenario.world)
+    if isinstance(scenario.world, OwnFamily):
+        found["world.family"] = scenario.world.found
+    return found
 
 
 def asks_for(scenario: Scenario, name: str) -> bool:
@@ -242,13 +257,12 @@ def asked_names(function: Callable[..., Any], told: str) -> tuple[str, ...]:
     for parameter in parameters:
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             continue
-        if parameter.name in KNOWN and parameter.kind is not parameter.KEYWORD_ONLY:
-            names.append(parameter.name)
-        elif parameter.default is parameter.empty:
+        if parameter.default is not parameter.empty:
+            break
+        if parameter.name not in KNOWN or parameter.kind is parameter.KEYWORD_ONLY:
             hint = nearest_hint(parameter.name, KNOWN)
             raise ScenarioError(f"{told} asks for {shortened(parameter.name)}{hint} (known: {', '.join(KNOWN)})")
-        else:
-            break
+        names.append(parameter.name)
     if not names:
         raise ScenarioError(f"{told} asks for no array by the name of an argument (known: {', '.join(KNOWN)})")
     return tuple(names)

@@ -673,6 +673,17 @@ def test_arguments_with_values_of_their_own_keep_them() -> None:
     assert info["reward_terms"]["t"] == 2.0 * env.simulation.world.array("clearance")[0, 0]
 
 
+def test_so_they_do_where_they_are_called_as_an_array_is() -> None:
+    def slow(velocity: F64, time: float = 0.25) -> F64:
+        return np.full(len(velocity), time)
+
+    env = NavigationEnv("dynamic", reward_terms={"t": slow})
+    env.reset(seed=0)
+    for _ in range(2):
+        info = env.step(np.zeros(2, dtype=np.float32))[4]
+    assert info["reward_terms"]["t"] == 0.25
+
+
 def test_functions_cannot_change_the_world() -> None:
     def greedy(pose: F64, observation: Any) -> F64:
         pose[:] = 0.0

@@ -20,7 +20,17 @@ from pydantic_core import PydanticSerializationError
 
 from bug_gym.agents.learning.curriculum import Curriculum, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
-from bug_gym.config import SCENARIO_FOLDER, Scenario, ScenarioError, expanded, explain, load, read_yaml
+from bug_gym.config import (
+    SCENARIO_FOLDER,
+    Scenario,
+    ScenarioError,
+    expanded,
+    explain,
+    from_folder,
+    load,
+    names_file,
+    read_yaml,
+)
 from bug_gym.naming import nearest_hint
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import (
@@ -65,7 +75,8 @@ class Settings(Part):
     name: Name = "custom"
     """What the model is called; a file's stem where the file gives none."""
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
-    """Scenarios to train in, each with the same share of the worlds; they need the same robot."""
+    """Scenarios to train in, each with the same share of the worlds; they need the same robot. Paths are relative to the
+    training's file, as all in it but `start_from`."""
     overrides: dict[str, Any] = {}
     """Values by dotted key that replace those of every scenario: most of all the weights of the reward."""
     action: Literal["continuous", "discrete"] = "continuous"
@@ -90,7 +101,7 @@ class Settings(Part):
     """How many steps ago a History looks; empty: the policy has no memory."""
     start_from: str | None = None
     """Name or folder of a model of ours with the same network (layers, activation, encoding, action, history), whose weights it
-    begins with; none: from scratch."""
+    begins with; none: from scratch. A folder is looked for in the working directory."""
     eval_freq: Steps = 500_000
     """Environment steps from one validation to the next."""
     eval_episodes: Episodes = 1000
@@ -428,7 +439,7 @@ def read_curriculum(source: str | Path) -> Any:
 def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     if isinstance(source, Mapping):
         return "training", dict(source)
-    if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
+    if isinstance(source, str) and not names_file(source):
         if source not in training_names():
             known = ", ".join(training_names())
             raise ScenarioError(
@@ -436,4 +447,13 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             )
         source = TRAIN_FOLDER / f"{source}.yaml"
     path = expanded(source)
-    return path.name, read_yaml(path, training_names())
+    return path.name, _beside(path.parent, read_yaml(path, training_names()))
+
+
+def _beside(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """A training, or a stage of its curriculum, whose scenarios are looked for in the folder of its file."""
+    if isinstance(scenarios := data.get("scenarios"), list):
+        data = data | {"scenarios": [from_folder(source, folder) for source in scenarios]}
+    if isinstance(stages := data.get("curriculum"), list):
+        data = data | {"curriculum": [_beside(folder, stage) if isinstance(stage, dict) else stage for stage in stages]}
+    return data

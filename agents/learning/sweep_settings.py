@@ -8,13 +8,14 @@ from itertools import islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationError, model_validator
 
 from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
 from bug_gym.checks import shortened
-from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, read_yaml
+from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, from_folder, names_file, read_yaml
 from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
+from bug_gym.own_parts import own_code_of
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import AtLeastOne, Name, Number, Part
 
@@ -75,7 +76,7 @@ class SweepSettings(Part):
     name: Name = "sweep"
     """What it is called; a file's stem where the file gives none."""
     training: str
-    """The training that is changed, by name or path."""
+    """The training that is changed, by name or path, relative to the sweep's file."""
     overrides: dict[str, Any] = {}
     """Values of the training that are the same in all trials."""
     seeds: AtLeastOne = 1
@@ -86,6 +87,7 @@ class SweepSettings(Part):
     """How many a search makes."""
     space: dict[str, Choices] = Field(min_length=1)
     """By key of the training: values to choose from, or of a search a range."""
+    _trust: bool = PrivateAttr(default=False)  # no key: data cannot grant itself trust
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -103,6 +105,16 @@ class SweepSettings(Part):
             raise wrong(f"{came}, expected at most {MOST_TRAININGS:,}", "trials" if self.trials else "space")
         return self
 
+    def trusting(self, trust: bool) -> Self:
+        """The same sweep, whose trainings may run the code that their scenarios name or not."""
+        copy = self.model_copy()
+        copy._trust = trust
+        return copy
+
+    def trained_with(self, values: Mapping[str, Any]) -> AnySettings:
+        """The settings of one trial's training."""
+        return load_settings(self.training, {**self.overrides, **values}, trust=self._trust)
+
     @property
     def grid(self) -> dict[str, tuple[Choice, ...]]:
         """The values to choose from, by key."""
@@ -119,31 +131,36 @@ def sweep_names() -> list[str]:
     return sorted(path.stem for path in SWEEP_FOLDER.glob("*.yaml"))
 
 
-def load_sweep(source: str | Path | Mapping[str, Any]) -> SweepSettings:
+def load_sweep(source: str | Path | Mapping[str, Any], *, trust: bool = False) -> SweepSettings:
     """The settings of a sweep, each combination of which is a training.
 
     Args:
         source: a name of `sweep_names()`, the path of a YAML file, or a mapping.
+        trust: whether code that scenarios of the training name may be imported, which runs the code of their modules.
 
     Raises:
-        ScenarioError: what is unknown or not allowed, with its key.
+        ScenarioError: what is unknown or not allowed, with its key; code that scenarios name, without trust.
     """
     label, data = str(source), source
     if isinstance(source, Mapping):
         label, data = "sweep", dict(source)
     elif isinstance(source, str) and source in sweep_names():
         data = read_yaml(SWEEP_FOLDER / f"{source}.yaml")
-    elif isinstance(source, str) and "/" not in source and not source.endswith((".yaml", ".yml")):
+    elif isinstance(source, str) and not names_file(source):
         hint = nearest_hint(source, sweep_names())
         raise ScenarioError(f"no sweep {shortened(source, 300)}{hint} (known: {', '.join(sweep_names())})")
     else:
-        data = read_yaml(expanded(source))
+        path = expanded(source)
+        data = read_yaml(path)
+        data = {key: from_folder(value, path.parent) if key == "training" else value for key, value in data.items()}
     try:
-        settings = SweepSettings.model_validate(data)
+        settings = SweepSettings.model_validate(data).trusting(trust)
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
     try:
         first = _first_training(settings)
+        for scenario in first.loaded:
+            own_code_of(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     if isinstance(first, OfflineSettings):
@@ -162,7 +179,7 @@ def _first_training(settings: SweepSettings) -> AnySettings:
     wrong_with_first: ScenarioError | None = None
     for values in islice(product(*map(_ends, settings.space.values())), MOST_TRIED):
         try:
-            return trained_with(settings, dict(zip(settings.space, values, strict=True)))
+            return settings.trained_with(dict(zip(settings.space, values, strict=True)))
         except ScenarioError as error:
             wrong_with_first = wrong_with_first or error
     assert wrong_with_first is not None  # every key has a value
@@ -174,8 +191,3 @@ def _ends(choices: tuple[Choice, ...] | Range) -> tuple[Choice, ...]:
     if not isinstance(choices, Range):
         return choices
     return tuple(int(end) if choices.step and float(end).is_integer() else end for end in (choices.low, choices.high))
-
-
-def trained_with(settings: SweepSettings, values: Mapping[str, Any]) -> AnySettings:
-    """The settings of one trial's training."""
-    return load_settings(settings.training, {**settings.overrides, **values})

@@ -25,7 +25,7 @@ from bug_gym.agents.learning.checkpoints import CHECKPOINT, load_checkpoint
 from bug_gym.agents.learning.elsewhere import Job, train_each
 from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.settings import AnySettings
-from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings, trained_with
+from bug_gym.agents.learning.sweep_settings import Choice, Range, SweepSettings
 from bug_gym.agents.learning.training import identity_of, is_done, require_same, train
 from bug_gym.checks import needed_from, shortened
 from bug_gym.config import ScenarioError
@@ -172,7 +172,7 @@ def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Tr
         }
         folders = [out / f"trial-{trial.number}" / f"seed-{seed}" for seed in range(settings.seeds)]
         try:
-            trained = trained_with(settings, values)
+            trained = settings.trained_with(values)
         except ScenarioError as error:
             _tell_failed(folders[0], error)
             continue

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from bug_gym.checks import needed_from
-from bug_gym.commands.arguments import add_workers, at_least_one, told_path, workers_of
+from bug_gym.commands.arguments import add_trust, add_workers, at_least_one, told_path, workers_of
 from bug_gym.files import file_name
 
 
@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument("name", metavar="NAME", help="a sweep (bug-gym list sweeps), or the path of a YAML file")
     parser.add_argument("--out", type=told_path, help="folder of its models (default: results/sweeps/NAME)")
+    add_trust(parser)
     add_workers(parser, at_least_one)
 
 
@@ -26,7 +27,7 @@ def run(options: argparse.Namespace) -> None:
 
     from bug_gym.agents.learning.sweep_settings import load_sweep  # loads the compiler
 
-    settings = load_sweep(options.name)
+    settings = load_sweep(options.name, trust=options.trust)
     options.out = options.out or Path("results", "sweeps", file_name(settings.name))
     console = Console(stderr=True)
     with workers_of(options) as workers:

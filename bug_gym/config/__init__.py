@@ -6,7 +6,17 @@ metres, times in seconds, angles in radians.
 """
 
 from bug_gym.config.errors import checked
-from bug_gym.config.loading import SCENARIO_FOLDER, dump, expanded, load, read_yaml, scenario_names, to_yaml
+from bug_gym.config.loading import (
+    SCENARIO_FOLDER,
+    dump,
+    expanded,
+    from_folder,
+    load,
+    names_file,
+    read_yaml,
+    scenario_names,
+    to_yaml,
+)
 from bug_gym.config.scenario import Scenario
 from bug_gym.schema.errors import ScenarioError
 from bug_gym.schema.faults import EXPECTED, explain
@@ -149,7 +159,9 @@ __all__ = [
     "dump",
     "expanded",
     "explain",
+    "from_folder",
     "load",
+    "names_file",
     "parse_yaml",
     "read_yaml",
     "scenario_names",

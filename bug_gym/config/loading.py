@@ -127,7 +127,7 @@ def _read(source: str | Path | Mapping[str, Any] | Scenario) -> tuple[str, dict[
         return "scenario", _plain(source, "scenario")
     if not isinstance(source, (str, Path)):
         raise ScenarioError(f"scenario: got {shortened(source)}, expected a name, a path, a mapping or a Scenario")
-    if isinstance(source, str) and not re.search(r"[/\\]|\.ya?ml$", source):
+    if isinstance(source, str) and not names_file(source):
         if source not in scenario_names():
             known = ", ".join(scenario_names())
             raise ScenarioError(
@@ -153,7 +153,7 @@ def expanded(source: str | Path) -> Path:
 
 
 def read_yaml(path: Path, names: Sequence[str] = ()) -> dict[str, Any]:
-    """The mapping in a YAML file, paths in it starting from its folder and `name` its stem where it gives none.
+    """The mapping in a YAML file, paths and code in it starting from its folder and `name` its stem where it gives none.
 
     The YAML of a map as ROS's map_server has it means a world with that map. Of some known `names` the one that is given
     with the ending of a file is offered where there is no such file.
@@ -181,36 +181,45 @@ def read_yaml(path: Path, names: Sequence[str] = ()) -> dict[str, Any]:
     if data.keys() >= MAP_KEYS:
         data = {"world": {"family": "ros_map", "path": path.name}}
     data = _plain(data, str(path))  # what two aliases share comes apart, so that each can change alone
-    _resolve_paths(data, path.parent)
-    _resolve_functions(data, path.parent)
-    return {"name": path.stem, **data}
+    return {"name": path.stem, **_resolved(data, path.parent)}
 
 
-def _resolve_paths(data: Any, folder: Path) -> None:
-    """Makes what stands under a key `path` start from the file's folder, at any depth, in place."""
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    for key, value in items:
-        if key == "path" and isinstance(value, str):
-            data[key] = str(folder / Path(value).expanduser())
-        else:
-            _resolve_paths(value, folder)
+def names_file(source: object) -> bool:
+    """Whether a text says where a YAML file is, not what comes with the package is called."""
+    return isinstance(source, str) and re.search(r"[/\\]|\.ya?ml$", source) is not None
 
 
-def _resolve_functions(data: dict[str, Any], folder: Path) -> None:
-    """Makes "file.py:function", and the family "file.py:Class", start from the file's folder, in place."""
+def from_folder(source: Any, folder: Path) -> Any:
+    """What a file in a folder names, a scenario or a training: a path starts from there, a name is a name."""
+    return str(folder / Path(source).expanduser()) if names_file(source) else source
 
-    def resolved(value: Any) -> Any:
-        if isinstance(value, dict) and "function" in value:
-            return {**value, "function": resolved(value["function"])}
-        is_file = isinstance(value, str) and is_reference(value) and value.rpartition(":")[0].endswith(".py")
-        return str(folder / Path(value).expanduser()) if is_file else value
 
-    for key in OWN_PARTS:
-        if isinstance(data.get(key), dict):
-            data[key] = {name: resolved(value) for name, value in data[key].items()}
-    world = data.get("world")
-    if isinstance(world, dict) and "family" in world:
-        world["family"] = resolved(world["family"])
+def _resolved(value: Any, folder: Path, keys: tuple[str, ...] = ()) -> Any:
+    """What a file says, with the data and the code that it names starting from the file's folder, at any depth.
+
+    Args:
+        value: all of it, or what stands at some key.
+        folder: the file's.
+        keys: that lead to the value; keys with dots, as overrides have them, come apart.
+    """
+    if isinstance(value, dict):
+        return {key: _resolved(item, folder, (*keys, *str(key).split("."))) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_resolved(item, folder, (*keys, "")) for item in value]
+    if isinstance(value, str) and (_is_code_of_file(value) if _name_code(keys) else keys[-1:] == ("path",)):
+        return str(folder / Path(value).expanduser())
+    return value
+
+
+def _is_code_of_file(text: str) -> bool:
+    return is_reference(text) and text.rpartition(":")[0].endswith(".py")
+
+
+def _name_code(keys: tuple[str, ...]) -> bool:
+    """Whether a function of a scenario, or its family of worlds, stands at some keys."""
+    if keys[-1:] == ("function",):
+        keys = keys[:-1]
+    return keys[-2:] == ("world", "family") or not OWN_PARTS.keys().isdisjoint(keys[-2:-1])
 
 
 def _plain(value: Any, label: str) -> Any:

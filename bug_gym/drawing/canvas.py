@@ -35,6 +35,7 @@ from bug_gym.drawing.parts import (
     Sprites,
     goal_color,
     mover_sprites,
+    outlines_of,
     paint_areas,
     paint_around,
     paint_free_area,
@@ -125,7 +126,7 @@ class Canvas:
         self._recorded = (-1, -1, -1)
         self._still: pygame.Surface | None = None
         self._sprites: Sprites | None = None
-        self._painted_of: tuple[int, ...] = ()
+        self._painted_of: tuple[bytes, ...] = ()
         self._ground: pygame.Surface | None = None
         self._large: pygame.Surface | None = None
         self._font: pygame.font.Font | None = None
@@ -141,7 +142,7 @@ class Canvas:
         """Add the present poses to the path that `draw` shows."""
         world, row = self.simulation.world, self.row
         present = (int(world.seed[row]), int(world.episode[row]), int(world.steps[row]))
-        if present[:2] != self._recorded[:2] or present[2] < self._recorded[2]:
+        if present[:2] != self._recorded[:2] or present[2] < self._recorded[2] or present[2] == 0:
             self._clear()
         elif present == self._recorded:
             return
@@ -214,6 +215,8 @@ class Canvas:
         paint_goals(brush, world, row)
         for robot in range(world.robots):
             paint_robot(brush, world, row, robot)
+        if self.box is not None:
+            paint_around(brush, self.box)
         return self._finish(brush.surface, samples_of(drawings.values()), note, states)
 
     def _drawings(self, drawing: Drawing | Sequence[Drawing | None] | None) -> dict[int, Drawing]:
@@ -257,17 +260,14 @@ class Canvas:
     def _episode_surfaces(self) -> tuple[pygame.Surface, Sprites]:
         """Page, border and still obstacles of this episode, and its movers, painted when they are first asked for."""
         world, row = self.simulation.world, self.row
-        counts = (int(world.disc_count[row]), int(world.wall_count[row]))
-        key = (int(world.seed[row]), int(world.episode[row]), *counts)
-        if self._still is None or self._sprites is None or key != self._painted_of:
+        bodies = outlines_of(world, row)
+        if self._still is None or self._sprites is None or bodies != self._painted_of:
             self._still = self._surface()
             brush = self._brush_on(self._still)
             paint_still(brush, world, row)
-            if self.box is not None:
-                paint_around(brush, self.box)
             self._still.set_colorkey(KEY, load_pygame().RLEACCEL)
             self._sprites = mover_sprites(brush, world, row)
-            self._painted_of = key
+            self._painted_of = bodies
         return self._still, self._sprites
 
     def _paint_trails(self, brush: Brush) -> None:

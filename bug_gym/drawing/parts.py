@@ -48,6 +48,16 @@ MOVING, MOVING_RIM = (243, 167, 83), (178, 98, 22)
 # ---------------------------------------------------------------------------------------------- parts of a picture
 
 
+def outlines_of(world: World, row: int) -> tuple[bytes, ...]:
+    """All that `paint_still` and `mover_sprites` paint of a row, to be compared: the same as long as they paint the same."""
+    counts = [world.array(name)[row, 0] for name in ("moving_disc_count", "disc_count", "moving_polygon_count")]
+    counts += [world.array(name)[row, 0] for name in ("polygon_count", "border_walls", "wall_count")]
+    still, walls = slice(counts[0], counts[1]), int(counts[-1])
+    parts = [np.array(counts), *(world.array(name)[row, still] for name in ("body_x", "body_y"))]
+    parts += [world.array("body_radius")[row], world.array("corner")[row, : 2 * walls]]
+    return tuple(part.tobytes() for part in [*parts, world.array("wall_next")[row, :walls]])
+
+
 def paint_still(brush: Brush, world: World, row: int) -> None:
     """Page, border and still obstacles; the floor is left in KEY."""
     layout = world.layout(row)

@@ -73,6 +73,8 @@ class PolicyEntry:
         spec = Spec.of(source)
         if not isinstance(parameters, (Mapping, NoneType)):
             raise ValueError(f"got {shortened(parameters)} as a policy's parameters, expected a dict of values by name")
+        if twice := [key for key in parameters or {} if key in spec.options]:
+            raise ValueError(f"got {twice[0]} of {shortened(source)} among its parameters, too, expected it once")
         name, options = spec.name, {**spec.options, **(parameters or {})}
         if is_object(name):
             if options:

@@ -29,27 +29,18 @@ from bug_gym.evaluation.summary import OVERALL, PRIVILEGED
 from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.log import warn_once
+from bug_gym.own_parts import own_code_of
 from bug_gym.policy import MisfitError
 from bug_gym.references import code_digest, note_code, source_digest
-from bug_gym.schema.own import OWN_PARTS, required_function
+from bug_gym.schema.own import OWN_PARTS
 from bug_gym.simulation import Simulation
 from bug_gym.worlds.layout import Layout
-from bug_gym.worlds.own import OwnFamily, required_trust
+from bug_gym.worlds.own import OwnFamily
 
 logger = logging.getLogger("bug_gym")
 
 SOURCE = "bug_gym_source"
 """What manifests call the digest of this package's source."""
-
-
-def own_parts(scenario: Scenario) -> dict[str, Any]:
-    """A scenario's own functions and family, by key and name."""
-    parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
-    found = {told: required_function(own, told) for told, own in parts.items()}
-    required_trust(scenario.world)
-    if isinstance(scenario.world, OwnFamily):
-        found["world.family"] = scenario.world.found
-    return found
 
 
 def names_code(scenario: Scenario) -> bool:
@@ -63,7 +54,7 @@ def own_code(scenario: Scenario) -> dict[str, str]:
     Raises:
         ValueError: a file was changed after it was imported.
     """
-    return {told: code_digest(code) for told, code in own_parts(scenario).items()}
+    return {told: code_digest(code) for told, code in own_code_of(scenario).items()}
 
 
 def versions() -> dict[str, str]:
@@ -132,7 +123,7 @@ class Plan:
         for entry in self.policies:
             entry.note_code()
         for scenario in self.scenarios:
-            for code in own_parts(scenario.scenario).values():
+            for code in own_code_of(scenario.scenario).values():
                 note_code(code)
 
     def require_as_imported(self) -> None:

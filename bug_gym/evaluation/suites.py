@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +11,16 @@ from pydantic import Field, InstanceOf, field_validator, model_validator
 
 from bug_gym.agents.outside import Spec
 from bug_gym.checks import shortened
-from bug_gym.config import Scenario, ScenarioError, checked, expanded, read_yaml, scenario_names
+from bug_gym.config import (
+    Scenario,
+    ScenarioError,
+    checked,
+    expanded,
+    from_folder,
+    names_file,
+    read_yaml,
+    scenario_names,
+)
 from bug_gym.naming import nearest_hint
 from bug_gym.references import is_reference
 from bug_gym.schema.errors import wrong
@@ -129,7 +137,7 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
         return source
     if isinstance(source, Mapping):
         return checked(Suite, dict(source), "suite")
-    if isinstance(source, str) and not _is_path(source):
+    if isinstance(source, str) and not names_file(source):
         if source not in suite_names():
             known = ", ".join(suite_names())
             raise ScenarioError(
@@ -141,16 +149,10 @@ def load_suite(source: str | Path | Mapping[str, Any] | Suite) -> Suite:
     if isinstance(data.get("scenarios"), list):
         items = [item if isinstance(item, dict) else {"scenario": item} for item in data["scenarios"]]
         data["scenarios"] = [
-            {**item, "scenario": str(path.parent / Path(item["scenario"]).expanduser())}
-            if _is_path(item.get("scenario"))
-            else item
+            {key: from_folder(value, path.parent) if key == "scenario" else value for key, value in item.items()}
             for item in items
         ]
     return checked(Suite, data, path.name)
-
-
-def _is_path(source: object) -> bool:
-    return isinstance(source, str) and re.search(r"[/\\]|\.ya?ml$", source) is not None
 
 
 def as_suite(source: Any) -> tuple[Suite, str]:
@@ -170,7 +172,7 @@ def as_suite(source: Any) -> tuple[Suite, str]:
 
 def _is_suite(source: Any) -> bool:
     if isinstance(source, str):
-        if _is_path(source):
+        if names_file(source):
             return "scenarios" in read_yaml(expanded(source))
         return source in suite_names() and source not in scenario_names()
     return isinstance(source, Suite) or (isinstance(source, Mapping) and "scenarios" in source)

@@ -83,6 +83,7 @@ class Recorder:
         self._shapes: dict[tuple[int, ...], int] = {}
         self._came: dict[tuple[Any, ...], int] = {}
         self._shown: list[list[int]] = []
+        self._recorded = (-1, -1, -1)
 
     def record(self, drawings: Drawing | Sequence[Drawing | None] | None = None, *, note: str = "") -> None:
         """Add the row as it is now.
@@ -93,13 +94,18 @@ class Recorder:
             note: what is told beside it, such as the policy's state or verdict.
 
         Raises:
-            ValueError: the row has not been reset yet, or a drawing holds places that are not finite.
+            ValueError: the row has not been reset yet, it has begun another episode since, or a drawing holds places that are
+                not finite.
         """
         world, row = self.simulation.world, self.row
         if world.wall_count[row] == 0:
             raise ValueError(f"row {row} holds no world yet: reset the simulation before recording")
+        present = (int(world.seed[row]), int(world.episode[row]), int(world.steps[row]))
         if not self._still:
             self._begin()
+        elif present[:2] != self._recorded[:2] or present[2] < self._recorded[2]:
+            raise ValueError(f"row {row} has begun another episode: a Recorder takes down one, make one for each")
+        self._recorded = present
         frame = {
             "times": world.time[row],
             "poses": world.pose[row],
@@ -141,16 +147,16 @@ class Recorder:
         each = [drawings] if drawings is None or isinstance(drawings, Drawing) else drawings
         origins = self.simulation.world.array("origin")[self.row].reshape(-1, 3)
         return [
-            self._number(robot, part, origins[robot])
+            self._number(part, origins[robot])
             for robot, drawing in enumerate(each)
             if drawing is not None
             for part in _parts(drawing)
         ]
 
-    def _number(self, robot: int, part: _Part, origin: NDArray[np.float64]) -> int:
-        """The number of a shape; most stay from frame to frame, and are looked up as they came."""
+    def _number(self, part: _Part, origin: NDArray[np.float64]) -> int:
+        """The number of a shape told in the frame of a start; most stay from frame to frame, and are looked up as they came."""
         kind, label, places = part
-        came = (robot, kind, label, places if isinstance(places, tuple) else places.tobytes())
+        came = (origin.tobytes(), kind, label, places if isinstance(places, tuple) else places.tobytes())
         if came not in self._came:
             named = self._labels.setdefault(str(label), len(self._labels))
             shape = (kind, named, *changes(list(from_odometry(places, origin)), CENTI))

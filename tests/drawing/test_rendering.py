@@ -269,6 +269,28 @@ def test_movers_of_the_next_episode_have_their_own_shapes() -> None:
     np.testing.assert_array_equal(canvas.draw(), Canvas(simulation).draw())
 
 
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"circles": [[-4.0, -2.0, 1.0]]},
+        {"circles": [[-4.0, 2.0, 0.5]]},
+        {"polygons": [[[5, 1], [8, 1], [8, 3], [5, 3]], WORLD["world"]["polygons"][1]]},
+        {"movers": [{**mover, "at": [-1, 0]} for mover in reversed(WORLD["world"]["movers"])]},
+        {"movers": [{**WORLD["world"]["movers"][0], "shape": {"circle": 0.9}}, WORLD["world"]["movers"][1]]},
+        {"start": [-7, -1, 0]},
+    ],
+)
+def test_a_world_that_is_put_in_the_place_of_another_is_drawn(other: dict[str, Any]) -> None:
+    simulation, source = yard(), yard(**{f"world__{key}": value for key, value in other.items()})
+    canvas = Canvas(simulation)
+    canvas.draw()
+    simulation.place([source.world.layout(0)])
+    fresh = Canvas(simulation)
+    for _ in range(3):
+        np.testing.assert_array_equal(canvas.draw(), fresh.draw())
+        drive(simulation, (0.0, -1.0), steps=1)
+
+
 def test_a_dart_points_where_its_mover_goes() -> None:
     simulation = yard()
     canvas = Canvas(simulation)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from bug_gym.agents import make_policy, policy_names
-from bug_gym.config import load, scenario_names
+from bug_gym.config import dump, load, scenario_names
 from bug_gym.evaluation import evaluate, make_plan, rollout, work
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.pictures import typical
@@ -353,6 +353,10 @@ def test_parameters_reach_the_policy_under_a_label_of_its_own() -> None:
         ("bug_0", "did you mean 'bug0'"),
         ([{"name": "bug0", "labell": "a"}], "did you mean 'label'"),
         ([("a", "bug0", {"turm": "left"})], "did you mean 'turn'"),
+        (
+            [{"name": "bug0:turn=left", "parameters": {"turn": "right"}}],
+            "got turn of 'bug0:turn=left' .* expected it once",
+        ),
         ([3], "expected a name"),
         ([], "no policies"),
         ([GivesUp(Sensors.of(load("disc")))], "made for another robot: .*beams 360, not 64"),
@@ -542,6 +546,40 @@ def test_a_suite_says_scenarios_overrides_labels_seeds_and_policies(tmp_path: Pa
     assert [(row.scenario, row.seed) for row in rows] == [("mine", 7), ("mine", 8), ("far", 0)]
     assert [row.shortest_path_length for row in rows] == pytest.approx([4.0, 4.0, 6.0])
     assert make_plan(None, path).suite == "suite v3"
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "{world: {family: far.py:Far}}",
+        '{world: {family: empty}, reward_terms: {path: "far.py:near"}}',
+        '{world: {family: empty}, reward_terms: {near: {function: "far.py:near"}}}',
+        'empty, overrides: {reward_terms.near: "far.py:near"}',
+        'empty, overrides: {observation_fields.x: {function: "far.py:near", low: 0, high: 1}}',
+        "empty, overrides: {world: {family: far.py:Far}}",
+        "{world: {family: barn, path: far.jsonl}}",
+        "{world: {family: barn, path: gone.jsonl}}, overrides: {world.path: far.jsonl}",
+    ],
+)
+def test_what_a_suite_names_lies_beside_it(scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the working directory lie others of the same names, which must not be taken."""
+    beside, elsewhere = tmp_path / "suites", tmp_path / "elsewhere"
+    code = (
+        "from bug_gym.worlds.empty import EmptyWorld\n\ndef near(clearance):\n    return clearance\n\n"
+        "class Far(EmptyWorld):\n    pass\n"
+    )
+    for folder, text in ((beside, code), (elsewhere, "raise AssertionError('of another folder')\n")):
+        folder.mkdir()
+        (folder / "far.py").write_text(text, encoding="utf-8")
+        (folder / "far.jsonl").write_text("{}\n", encoding="utf-8")
+    monkeypatch.chdir(elsewhere)
+    (beside / "suite.yaml").write_text(f"scenarios:\n  - {{label: one, scenario: {scenario}}}\n", encoding="utf-8")
+    (item,) = load_suite("../suites/suite.yaml").scenarios
+    data = dump(load(item.scenario, item.overrides, trust=True))
+    own = {**data.get("reward_terms", {}), **data.get("observation_fields", {})}
+    named = [*map(str, data.get("world", {}).values()), *(part["function"] for part in own.values())]
+    places = [Path(name.rpartition(":")[0] or name) for name in named if "far" in name]
+    assert [place.resolve().parent for place in places] == [beside]
 
 
 def test_seeds_of_the_caller_replace_those_of_a_suite() -> None:

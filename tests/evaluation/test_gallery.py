@@ -10,6 +10,7 @@ from bug_gym.drawing.canvas import Canvas
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.gallery import Box, box_around, way_of
 from bug_gym.evaluation.rollout import Rollout
+from bug_gym.policy import Drawing
 from bug_gym.simulation import Simulation
 
 PLACES = st.lists(st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), min_size=2, max_size=9)
@@ -58,3 +59,15 @@ def test_a_canvas_shows_a_part_of_the_world_and_page_around_it() -> None:
     for strip in strips:
         assert strip.size and (strip == 255).all()
     assert (frame[int(top) + 3, int(left) + 5] == FLOOR).all()
+
+
+def test_nothing_that_a_policy_draws_sticks_out_of_the_part() -> None:
+    simulation = Simulation("disc")  # the robot starts at (0, 0) and looks along x
+    simulation.reset(seeds=[0])
+    part = Canvas(simulation, size=200, box=(0.0, -1.0, 4.0, 1.0))
+    frame = part.draw(Drawing(points=[(-0.2, 0.0, "hit")], segments=[(3.0, 0.5, 5.0, 0.5, "plan")]), scan=False)
+    for place in ((-0.2, 0.0), (4.2, 0.5)):
+        column, row = part.view.pixel(*place)
+        assert (frame[int(row), int(column)] == 255).all()
+    column, row = part.view.pixel(3.5, 0.5)
+    assert (frame[int(row) - 2 : int(row) + 3, int(column)] != FLOOR).any()

@@ -117,6 +117,33 @@ def test_the_same_drawing_of_two_robots_lies_where_each_of_them_started() -> Non
     assert data["shown"] == [[0, 2], 0]
 
 
+def test_the_same_drawing_of_a_robot_that_starts_again_lies_where_it_did() -> None:
+    simulation = Simulation({"world": {"family": "empty", "start": [0, 0, 0], "goal": [0.2, 0]}})
+    simulation.reset(seeds=[0])
+    recorder, drawing = Recorder(simulation), Drawing(points=[(0.0, 0.0, "hit")])
+    recorder.record(drawing)
+    simulation.step([[[1.0, 0.0]]])
+    simulation.restart_robots(np.array([0]), np.array([[[3.0, -2.0, 0.0]]]))
+    recorder.record(drawing)
+    shapes = recorder.episode().data["shapes"]
+    np.testing.assert_allclose([np.array(shape[2:]) * CENTI for shape in shapes], [[0, 0], [3, -2]], atol=0.006)
+
+
+@pytest.mark.parametrize("seeds", [None, [4], [5]])
+def test_a_second_episode_needs_a_recorder_of_its_own(seeds: list[int] | None) -> None:
+    simulation = Simulation("static")
+    simulation.reset(seeds=[4])
+    recorder = Recorder(simulation)
+    for _ in range(2):
+        recorder.record()
+        simulation.step([[[0.5, 0.0]]])
+    recorder.record()
+    simulation.reset(seeds=seeds)
+    with pytest.raises(ValueError, match="begun another episode"):
+        recorder.record()
+    assert recorder.episode().frames == 3
+
+
 def test_a_policy_is_replayed_to_its_end_with_its_states_and_its_drawing() -> None:
     episode = record_episode("bug2", "disc", every=7)
     data = unpacked(episode.packed)

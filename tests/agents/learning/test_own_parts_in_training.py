@@ -18,7 +18,8 @@ from bug_gym.agents.learning.folder import read_config
 from bug_gym.agents.learning.models import write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.learning.settings import load_settings
+from bug_gym.agents.learning.settings import PPOSettings, load_settings
+from bug_gym.agents.learning.sweep_settings import load_sweep
 from bug_gym.agents.learning.training import make_model, make_training_env, rebuild
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
@@ -164,6 +165,38 @@ def test_evaluations_drive_in_them_where_they_are_trusted(files: Path) -> None:
     manifest = make_plan(["bug2"], scenario, episodes=1, trust=True).manifest()
     (entry,) = manifest["scenarios"].values()
     assert set(entry["code"]) == {"reward_terms.near", "observation_fields.last"} and all(entry["code"].values())
+
+
+def test_what_a_training_or_a_sweep_names_lies_beside_it(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the working directory lie others of the same names, which must not be taken."""
+    elsewhere = files / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "rewards.py").write_text("raise AssertionError('of another folder')\n", encoding="utf-8")
+    (elsewhere / "mine.yaml").write_text("world: {family: empty}\n", encoding="utf-8")
+    monkeypatch.chdir(elsewhere)
+    stages = "curriculum: [{scenarios: [mine.yaml], success: 0.5}, {overrides: {reward_terms.more: rewards.py:near}}]\n"
+    (files / "training.yaml").write_text(TRAINING.replace("SCENARIO", "mine.yaml") + stages, encoding="utf-8")
+    (files / "sweep.yaml").write_text("training: training.yaml\nspace: {gamma: [0.9]}\n", encoding="utf-8")
+    for settings in (
+        load_settings("../training.yaml", trust=True),
+        load_sweep("../sweep.yaml", trust=True).trained_with({"gamma": 0.9}),
+    ):
+        assert isinstance(settings, PPOSettings)
+        judged, (first,), (second,) = settings.loaded[0], *settings.stages
+        assert [[*scenario.reward_terms] for scenario in (judged, first, second)] == [
+            ["near"],
+            ["near"],
+            ["near", "more"],
+        ]
+
+
+def test_a_sweep_runs_functions_where_it_is_trusted(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (files / "sweep.yaml").write_text("training: training.yaml\nspace: {gamma: [0.9]}\n", encoding="utf-8")
+    command = ["sweep", str(files / "sweep.yaml"), "--out", str(files / "swept")]
+    assert main(command) == 2 and "--trust" in capsys.readouterr().err
+    assert not (files / "swept").exists()
+    assert main([*command, "--trust"]) == 0
+    assert "reward_terms" in read_config(files / "swept" / "trial-0" / "seed-0")["scenarios"][0]
 
 
 def test_a_suite_runs_no_code_of_its_own_accord(files: Path) -> None:

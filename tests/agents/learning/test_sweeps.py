@@ -14,7 +14,7 @@ import pytest
 
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS
 from bug_gym.agents.learning.settings import load_settings
-from bug_gym.agents.learning.sweep_settings import load_sweep, sweep_names, trained_with
+from bug_gym.agents.learning.sweep_settings import load_sweep, sweep_names
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError
 from bug_gym.evaluation import evaluate
@@ -292,7 +292,7 @@ def test_a_search_that_goes_on_does_not_draw_again_what_it_drew(
 def test_the_sweeps_that_come_along_are_trainings(name: str) -> None:
     settings = load_sweep(name)
     assert settings.name == name and settings.total >= 2
-    assert trained_with(settings, {}).name
+    assert settings.trained_with({}).name
 
 
 @pytest.mark.parametrize(
