@@ -22,9 +22,8 @@ from bug_gym.naming import nearest_hint
 from bug_gym.observation import Field
 from bug_gym.references import kept_in_process
 from bug_gym.schema.errors import ScenarioError, shortened
-from bug_gym.schema.own import OWN_PARTS, ObservationField, RewardTerm, required_function, told_function
+from bug_gym.schema.own import ObservationField, RewardTerm, required_function, told_function
 from bug_gym.world import World
-from bug_gym.worlds.own import OwnFamily, required_trust
 
 Rows = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -101,20 +100,6 @@ class OwnPart(NamedTuple):
                 f"{self.told} gave {shortened(value[robot].tolist())} for row {robot}, expected finite numbers"
             )
         return value.reshape(expected)
-
-
-def own_code_of(scenario: Scenario) -> dict[str, Any]:
-    """A scenario's own functions and family, by key and name.
-
-    Raises:
-        ScenarioError: code that is only named, and that nobody trusts.
-    """
-    parts = {f"{key}.{name}": own for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
-    found: dict[str, Any] = {told: required_function(own, told) for told, own in parts.items()}
-    required_trust(scenario.world)
-    if isinstance(scenario.world, OwnFamily):
-        found["world.family"] = scenario.world.found
-    return found
 
 
 def asks_for(scenario: Scenario, name: str) -> bool:

@@ -35,7 +35,7 @@ LAYERS = (
     ("schema", "assignments", "shortest_path", "kinematics", "intervals", "by_hand"),
     ("worlds",),
     ("config",),
-    ("draws", "standing", "world", "scenarios"),
+    ("draws", "standing", "world", "scenarios", "scenario_code"),
     ("observation", "task", "own_parts", "view", "inertia", "foresight", "steering", "manoeuvring", "swaying"),
     ("simulation", "policy", "team_policy"),
     ("drawing", "replay", "spaces", "navigation_env", "vector_env", "robots_env", "episodes", "held_out"),

@@ -110,6 +110,8 @@ class ModelRecord(Part):
     """Of its training: see settings.Settings."""
     scenarios: tuple[dict[str, Any], ...]
     """What it was trained in, as data."""
+    made_of: dict[str, str] = {}
+    """Digests of what the settings only name, as they were when its training began: see settings.Settings."""
     seed: Count
     """Of the model that is played."""
     machine: dict[str, Any]

@@ -149,6 +149,7 @@ def write_agent(
         "history": list(settings.history),
         "settings": json.loads(settings.model_dump_json()),
         "scenarios": [dump(scenario) for scenario in settings.loaded],
+        "made_of": dict(settings.made_of),
         "seed": int(next(iter(runs))),
         "machine": training_machine(),
         "sha256": checksums(folder, (GRAPH, WEIGHTS)),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -18,12 +19,13 @@ from pydantic import (
 )
 from pydantic_core import PydanticSerializationError
 
-from bug_gym.agents.learning.curriculum import Curriculum, require_stages
+from bug_gym.agents.learning.curriculum import Curriculum, Stage, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
 from bug_gym.config import (
     SCENARIO_FOLDER,
     Scenario,
     ScenarioError,
+    dump,
     expanded,
     explain,
     from_folder,
@@ -32,6 +34,7 @@ from bug_gym.config import (
     read_yaml,
 )
 from bug_gym.naming import nearest_hint
+from bug_gym.scenario_code import data_digest, own_code
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import (
     AtLeastOne,
@@ -111,16 +114,49 @@ class Settings(Part):
     save_freq: Steps = 250_000
     """Environment steps from one checkpoint to the next."""
     _trust: bool = PrivateAttr(default=False)  # no key: data cannot grant itself trust
+    _said: dict[str, tuple[dict[str, Any], ...]] = PrivateAttr(default_factory=dict)  # by `worlds`, see `_as_read`
+    _read: dict[str, tuple[Scenario, ...]] = PrivateAttr(default_factory=dict)  # likewise, of this process
+    _made_of: dict[str, str] = PrivateAttr(default_factory=dict)  # likewise
 
     @property
     def loaded(self) -> tuple[Scenario, ...]:
         """The scenarios with their overrides; their own functions are imported where `load_settings` was told to trust."""
-        return tuple(load(source, self.overrides, trust=self._trust) for source in self.scenarios)
+        return self._as_read("scenarios", lambda: tuple(load(source, self.overrides) for source in self.scenarios))
+
+    @property
+    def worlds(self) -> dict[str, tuple[Scenario, ...]]:
+        """All scenarios that are learned in, by the key that names them."""
+        return {"scenarios": self.loaded}
+
+    @property
+    def made_of(self) -> dict[str, str]:
+        """Digests of what the settings only name, as it was when first asked: scenarios, their own code and files.
+
+        Raises:
+            ValueError: a file of code was changed after it was imported, or code is named that nobody has trusted.
+        """
+        if not self._made_of:
+            self._made_of |= _digests(self.worlds)
+        return self._made_of
+
+    def _as_read(self, key: str, read: Callable[[], tuple[Scenario, ...]]) -> tuple[Scenario, ...]:
+        """Scenarios as their files said when first read: these may change while a training runs, or waits for a worker."""
+        if key not in self._read:
+            if key not in self._said:
+                self._said[key] = tuple(map(dump, read()))
+            self._read[key] = tuple(load(said, trust=self._trust) for said in self._said[key])
+        return self._read[key]
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Without what holds imported code, which another process imports by itself."""
+        state = super().__getstate__()
+        kept = {"_trust": self._trust, "_said": self._said, "_read": {}, "_made_of": {}}
+        return {**state, "__pydantic_private__": kept}
 
     def trusting(self, trust: bool) -> Self:
         """The same settings, whose scenarios may run the functions that they name or not."""
         copy = self.model_copy()
-        copy._trust = trust
+        copy._trust, copy._read, copy._made_of = trust, {}, {}
         return copy
 
     def rate(self, remaining: float) -> float:
@@ -128,6 +164,18 @@ class Settings(Part):
         if isinstance(self.learning_rate, str):
             return remaining * _linear_start(self.learning_rate)
         return self.learning_rate
+
+
+def _digests(worlds: Mapping[str, Sequence[Scenario]]) -> dict[str, str]:
+    """Of scenarios, and of their own code and files where they have some, by where they stand."""
+    told: dict[str, str] = {}
+    for key, scenarios in worlds.items():
+        for number, scenario in enumerate(scenarios):
+            place = f"{key}.{number}"
+            told[place] = scenario.digest
+            told |= {f"{place}.{name}": digest for name, digest in own_code(scenario).items()}
+            told |= {f"{place}.data": data} if (data := data_digest(scenario)) else {}
+    return told
 
 
 def _linear_start(text: str) -> float:
@@ -183,12 +231,19 @@ class PPOSettings(Settings):
     def stages(self) -> tuple[tuple[Scenario, ...], ...]:
         """The scenarios of each stage of the curriculum."""
         return tuple(
-            tuple(
-                load(load(source, self.overrides), stage.overrides, trust=self._trust)
-                for source in stage.scenarios or self.scenarios
-            )
-            for stage in self.curriculum
+            self._as_read(f"curriculum.{number}.scenarios", partial(self._stage, stage))
+            for number, stage in enumerate(self.curriculum)
         )
+
+    def _stage(self, stage: Stage) -> tuple[Scenario, ...]:
+        sources = stage.scenarios or self.scenarios
+        return tuple(load(load(source, self.overrides), stage.overrides) for source in sources)
+
+    @property
+    def worlds(self) -> dict[str, tuple[Scenario, ...]]:
+        """All scenarios that are learned in or judged by, by the key that names them."""
+        stages = {f"curriculum.{number}.scenarios": stage for number, stage in enumerate(self.stages)}
+        return super().worlds | stages
 
 
 class OffPolicySettings(Settings):
@@ -406,7 +461,7 @@ def load_settings(
     except ValueError as error:
         raise ScenarioError(f"{label}: {error}") from None
     try:
-        _ = settings.loaded, settings.stages if isinstance(settings, PPOSettings) else ()
+        _ = settings.worlds
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     return settings

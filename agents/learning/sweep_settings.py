@@ -15,7 +15,7 @@ from bug_gym.checks import shortened
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, from_folder, names_file, read_yaml
 from bug_gym.limits import MOST_TRAININGS
 from bug_gym.naming import nearest_hint
-from bug_gym.own_parts import own_code_of
+from bug_gym.scenario_code import own_parts
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.values import AtLeastOne, Name, Number, Part
 
@@ -160,7 +160,7 @@ def load_sweep(source: str | Path | Mapping[str, Any], *, trust: bool = False) -
     try:
         first = _first_training(settings)
         for scenario in first.loaded:
-            own_code_of(scenario)
+            own_parts(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     if isinstance(first, OfflineSettings):

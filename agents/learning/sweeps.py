@@ -61,7 +61,8 @@ def sweep(
 
     Raises:
         ImportError: Optuna is not installed; the message names the extra.
-        ValueError: the folder is of another sweep, or in use, or no trial could be trained.
+        ValueError: the folder is of another sweep, or what its trials were trained with has changed since, or it is in use, or
+            no trial could be trained.
     """
     with needed_from("sweep", "a sweep"):
         import optuna
@@ -70,6 +71,7 @@ def sweep(
     out.mkdir(parents=True, exist_ok=True)
     with one_writer(out):
         study = _study(settings, out)
+        _require_same_trainings(settings, out, study)
         under_way = _under_way(study)
         if settings.sampler == "grid":
             _ask_whole_grid(study, settings.grid)
@@ -124,6 +126,19 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
             )
     study.set_user_attr("settings", here)
     return study
+
+
+def _require_same_trainings(settings: SweepSettings, out: Path, study: optuna.Study) -> None:
+    """Refuse trials that are done of a training which has changed since, or whose scenarios have: others would not compare.
+
+    Raises:
+        ValueError: there are some.
+    """
+    for trial in study.trials:
+        if trial.value is not None:
+            trained = settings.trained_with(trial.params)
+            for seed in range(settings.seeds):
+                require_same(out / f"trial-{trial.number}" / f"seed-{seed}", trained, [seed])
 
 
 def _is_finished(trial: optuna.trial.FrozenTrial) -> bool:

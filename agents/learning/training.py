@@ -442,6 +442,7 @@ def train_in_folder(
     if minutes is not None:
         checked_time("minutes", minutes)
     begun = None if settings.start_from is None else model_folder(settings.start_from)
+    _ = settings.made_of  # from here on files may change
     if begun is not None:
         require_same_network(begun, settings)  # what is wrong is found out before anything is written
     folder = out_path(out)
@@ -467,20 +468,34 @@ def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> N
     """Refuse a folder with a model that another training has made.
 
     Raises:
-        ValueError: its settings were others, or it holds seeds that are not to be trained now.
+        ValueError: its settings were others, or what they name has changed, or it holds seeds that are not to be trained now.
     """
     if not (folder / CONFIG).exists():
         return
-    config, here = read_config(folder), json.loads(settings.model_dump_json())
+    if other := _other_training(read_config(folder), settings, seeds):
+        raise ValueError(f"{folder} is of another training: {other}")
+
+
+def _other_training(config: Mapping[str, Any], settings: AnySettings, seeds: Sequence[int]) -> str:
+    """What tells the training of a model from this one, "" where it is the same.
+
+    Args:
+        config: of the model.
+        settings: of this training.
+        seeds: that are to be trained now.
+    """
+    here = json.loads(settings.model_dump_json())
     for key in dict.fromkeys([*config["settings"], *here]):
         was, now = config["settings"].get(key), here.get(key)
         if was != now:
-            raise ValueError(
-                f"{folder} is of another training: settings.{key} was {shortened(was)}, is now {shortened(now)}"
-            )
+            return f"settings.{key} was {shortened(was)}, is now {shortened(now)}"
+    made_of = config.get("made_of", {})
+    for key, digest in settings.made_of.items():
+        if made_of.get(key) != digest:
+            return f"{key} has changed since, its digest was {made_of.get(key, 'not kept')}, is now {digest}"
     if others := config["runs"].keys() - set(map(str, seeds)):
-        was, now = ", ".join(sorted(others)), ", ".join(map(str, seeds))
-        raise ValueError(f"{folder} is of another training: seed was {was}, is now {now}")
+        return f"seed was {', '.join(sorted(others))}, is now {', '.join(map(str, seeds))}"
+    return ""
 
 
 def require_to_go_on(folder: Path, settings: AnySettings, *, is_elsewhere: bool = False) -> None:
@@ -596,6 +611,7 @@ def usable_cores() -> int:
 def identity_of(settings: AnySettings, seed: int) -> dict[str, Any]:
     """What a checkpoint has to share with a training that goes on from it."""
     return {
+        **settings.made_of,
         "settings": json.loads(settings.model_dump_json()),
         "seed": seed,
         "threads": torch.get_num_threads(),
@@ -663,7 +679,7 @@ def is_done(settings: AnySettings, folder: Path, seed: int, minutes: float | Non
     if not (folder / CONFIG).exists():
         return False
     config = read_config(folder)
-    if config["settings"] != json.loads(settings.model_dump_json()) or config["seed"] != seed:
+    if _other_training(config, settings, [seed]):
         return False
     last = config["runs"][str(seed)]["curve"][-1]
     is_over = minutes is not None and last["seconds"] + 0.005 >= 60.0 * minutes  # kept to hundredths
@@ -770,4 +786,6 @@ def each_seed(
     else:
         for seed, folder in missing:
             one(settings, folder, seed=seed)
+    for seed, folder in folders.items():
+        require_same(folder, settings, [seed])  # a worker that began late may have read other files
     return gather(list(folders.values()), whole / "agent") if len(seeds) > 1 else whole

@@ -41,7 +41,7 @@ from bug_gym.evaluation.minari_files import (
     write_dataset,
     write_namespaces,
 )
-from bug_gym.evaluation.plan import SOURCE, Plan, data_digest, make_plan, own_code
+from bug_gym.evaluation.plan import SOURCE, Plan, make_plan
 from bug_gym.evaluation.progress import Track, progress_bar
 from bug_gym.evaluation.reference_returns import EXPERT, FLOOR, known_returns
 from bug_gym.evaluation.results_folder import kept_manifest, other_run
@@ -49,6 +49,7 @@ from bug_gym.evaluation.work import require_sendable
 from bug_gym.files import one_writer, out_path, released
 from bug_gym.limits import MOST_WORKERS
 from bug_gym.references import source_digest
+from bug_gym.scenario_code import data_digest, own_code
 from bug_gym.workers import are_several, each, starred
 
 logger = logging.getLogger("bug_gym")

@@ -18,11 +18,11 @@ from bug_gym.config import Scenario
 from bug_gym.evaluation.collection import MIXED, collect
 from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.evaluation.minari_files import open_dataset, read_identity, require_minari
-from bug_gym.evaluation.plan import data_digest, own_code
 from bug_gym.files import released
 from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.observation import as_flat, fields, width
 from bug_gym.references import source_digest
+from bug_gym.scenario_code import data_digest, own_code
 
 COLLECTED = Path("results", "datasets")
 """Folder of the datasets that trainings have had collected: POLICIES-EPISODES-DIGEST, see `_digest`."""

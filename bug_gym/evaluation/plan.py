@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import logging
@@ -29,13 +28,11 @@ from bug_gym.evaluation.summary import OVERALL, PRIVILEGED
 from bug_gym.files import released
 from bug_gym.limits import MOST_EPISODES, ROW_BYTES, told_bytes
 from bug_gym.log import warn_once
-from bug_gym.own_parts import own_code_of
 from bug_gym.policy import MisfitError
-from bug_gym.references import code_digest, note_code, source_digest
-from bug_gym.schema.own import OWN_PARTS
+from bug_gym.references import note_code, source_digest
+from bug_gym.scenario_code import data_digest, names_code, own_code, own_parts
 from bug_gym.simulation import Simulation
 from bug_gym.worlds.layout import Layout
-from bug_gym.worlds.own import OwnFamily
 
 logger = logging.getLogger("bug_gym")
 
@@ -43,32 +40,11 @@ SOURCE = "bug_gym_source"
 """What manifests call the digest of this package's source."""
 
 
-def names_code(scenario: Scenario) -> bool:
-    """Whether a scenario has functions or a family of its own."""
-    return any(getattr(scenario, key) for key in OWN_PARTS) or isinstance(scenario.world, OwnFamily)
-
-
-def own_code(scenario: Scenario) -> dict[str, str]:
-    """Digests of what a scenario's own functions and family are written in, by key and name.
-
-    Raises:
-        ValueError: a file was changed after it was imported.
-    """
-    return {told: code_digest(code) for told, code in own_code_of(scenario).items()}
-
-
 def versions() -> dict[str, str]:
     """Of what rows are made by: this package and its source, Python, and the packages that they depend on."""
     told = {"bug_gym": released(bug_gym.__version__), "python": platform.python_version()}
     told |= {name: version(name) for name in ("gymnasium", "numpy", "numba", "shapely")}
     return {**told, SOURCE: source_digest()[:16]}
-
-
-def data_digest(scenario: Scenario) -> str:
-    """Digest of the files that a scenario's worlds are read from, "" where there are none."""
-    files = scenario.world.data_files()
-    parts = [file.name.encode() + hashlib.sha256(file.read_bytes()).digest() for file in files]
-    return hashlib.sha256(b"".join(parts)).hexdigest()[:16] if parts else ""
 
 
 @dataclass(frozen=True)
@@ -123,7 +99,7 @@ class Plan:
         for entry in self.policies:
             entry.note_code()
         for scenario in self.scenarios:
-            for code in own_code_of(scenario.scenario).values():
+            for code in own_parts(scenario.scenario).values():
                 note_code(code)
 
     def require_as_imported(self) -> None:

@@ -24,11 +24,12 @@ from bug_gym.config import checked
 from bug_gym.evaluation.entries import ScenarioEntry
 from bug_gym.evaluation.failures import Failure
 from bug_gym.evaluation.lengths import Lengths, World
-from bug_gym.evaluation.plan import SOURCE, Plan, own_code
+from bug_gym.evaluation.plan import SOURCE, Plan
 from bug_gym.evaluation.records import LengthsRecord, Manifest
 from bug_gym.evaluation.rows import EpisodeRow, spl
 from bug_gym.files import HOLDER, LOCK, PARTIAL, append, from_json, one_writer, out_path, replaced_when_done, writable
 from bug_gym.naming import nearest_hint
+from bug_gym.scenario_code import own_code
 from bug_gym.schema.errors import shortened
 
 logger = logging.getLogger("bug_gym")

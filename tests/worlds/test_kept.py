@@ -14,7 +14,7 @@ from ros_maps import write_map
 from bug_gym.agents.planning.map import PlanningMap
 from bug_gym.config import load
 from bug_gym.evaluation import evaluate
-from bug_gym.evaluation.plan import data_digest
+from bug_gym.scenario_code import data_digest
 from bug_gym.scenarios import draw_layout
 from bug_gym.worlds.kept import MOST_KEPT, Kept, only_itself
 

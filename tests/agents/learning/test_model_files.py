@@ -281,6 +281,47 @@ def test_another_seed_is_another_training_whatever_the_algorithm(tmp_path: Path)
     assert files_in(tmp_path) == before
 
 
+def write_scenario(folder: Path, obstacles: int) -> str:
+    """A file with a scenario of so many obstacles; returns its path."""
+    path = folder / "mine.yaml"
+    robot = "robot: {kinematics: differential}\nlidar: {beams: 64, range: 5.0}\n"  # that of `dynamic`
+    text = f"name: mine\n{robot}world: {{family: field, obstacles: {obstacles}}}\ntime: {{limit: 2.0}}\n"
+    path.write_text(text, encoding="utf-8")
+    return path.as_posix()
+
+
+@pytest.mark.parametrize("key", ["scenarios.0", "curriculum.0.scenarios.0"])
+def test_a_scenario_whose_file_has_changed_since_makes_another_training(key: str, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    from bug_gym.agents.learning.training import train, train_seeds
+
+    def asked() -> Any:
+        if key == "scenarios.0":
+            return tiny(scenarios=[write_scenario(tmp_path, obstacles)])
+        stages = [{"scenarios": [write_scenario(tmp_path, obstacles)], "success": 1.0}, {"share": 0.5}]
+        return tiny(curriculum=stages)
+
+    out, obstacles = tmp_path / "model", 5
+    train(asked(), out, threads=1, tensorboard=False)
+    before = files_in(out)
+    train_seeds(asked(), out, threads=1)  # it is done
+    assert files_in(out) == before
+    obstacles = 20
+    with pytest.raises(ValueError, match=f"model is of another training: {key} has changed since"):
+        train_seeds(asked(), out, threads=1)
+    assert files_in(out) == before
+    (out / CONFIG).unlink()
+    with pytest.raises(ValueError, match=rf"checkpoint.pt is of another training: {key} was"):
+        train(asked(), out, threads=1, tensorboard=False)
+
+
+def test_settings_keep_the_worlds_that_their_files_told_of_when_they_were_read(tmp_path: Path) -> None:
+    read = tiny(scenarios=[write_scenario(tmp_path, 5)])
+    write_scenario(tmp_path, 20)
+    for kept in (read, pickle.loads(pickle.dumps(read)), read.trusting(True)):
+        assert [scenario.world.obstacles for scenario in kept.loaded] == [5]
+
+
 def test_the_folder_of_an_evaluation_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
     from bug_gym.agents.learning.training import train

@@ -72,6 +72,20 @@ def files(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_a_function_that_has_changed_since_makes_another_training(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["train", str(files / "training.yaml"), "--out", str(files / "model"), "--threads", "1", "--trust"]
+    assert main(command) == 0
+    assert main(command) == 0  # it is done
+    (files / "rewards.py").write_text(CODE.replace("1.0)", "0.5)"), encoding="utf-8")
+    assert main(command) == 2
+    assert "is of another training: scenarios.0.reward_terms.near has changed since" in capsys.readouterr().err
+    (files / "model" / "config.json").unlink()
+    assert main(command) == 2
+    assert "checkpoint.pt is of another training: scenarios.0.reward_terms.near was" in capsys.readouterr().err
+
+
 def test_a_training_learns_from_them_and_says_so(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = files / "model"
     main(["train", str(files / "training.yaml"), "--out", str(out), "--threads", "1", "--trust"])

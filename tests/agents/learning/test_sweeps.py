@@ -97,6 +97,27 @@ def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypa
         sweeps.sweep(load_sweep(GRID | {"seeds": 2}), tmp_path)
 
 
+@pytest.mark.parametrize("changed", ["training", "scenario"])
+def test_trials_of_a_training_that_has_changed_since_are_not_gone_on_with(changed: str, tmp_path: Path) -> None:
+    def written(name: str, data: dict[str, Any]) -> str:
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(json.dumps(data), encoding="utf-8")
+        return path.as_posix()
+
+    scenario = {"name": "mine", "world": {"family": "field", "obstacles": 5}, "time": {"limit": 2.0}}
+    learnt = {**SHORT, "algo": "ppo", "n_timesteps": 256, "scenarios": [written("scenario", scenario)]}
+    grid = {"training": written("training", learnt), "space": {"gamma": [0.9, 0.99]}}
+    best = sweeps.sweep(load_sweep(grid), tmp_path / "sweep")
+    assert sweeps.sweep(load_sweep(grid), tmp_path / "sweep") == best, "all is done"
+    if changed == "training":
+        written("training", {**learnt, "gae_lambda": 0.5})
+    else:
+        written("scenario", {**scenario, "world": {"family": "field", "obstacles": 20}})
+    told = {"training": "settings.gae_lambda was 0.95, is now 0.5", "scenario": "scenarios.0 has changed since"}
+    with pytest.raises(ValueError, match=f"seed-0 is of another training: {told[changed]}"):
+        sweeps.sweep(load_sweep(grid), tmp_path / "sweep")
+
+
 @pytest.mark.parametrize("again", [1, 2])
 def test_a_trial_that_was_cut_off_goes_on_with_its_other_seeds(
     again: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
