@@ -135,13 +135,13 @@ def stopping_radius(sensors: Sensors, room: float = 0.0) -> float:
     return (sensors.radius + _margin(sensors, room)) / (1.0 - 0.5 * sensors.beam_spacing)
 
 
-def passing_radius(sensors: Sensors, room: float = 0.0) -> float:
-    """The same where beams are so few that much may lie between two of them even beside the body; else that and the room.
+def passing_radius(sensors: Sensors) -> float:
+    """The same without room where beams are so few that much may lie between two of them even beside the body; else its own.
 
     A way on which a robot would stand is none.
     """
     is_wide = 0.5 * sensors.beam_spacing * sensors.radius > UNSURE
-    return stopping_radius(sensors, room) if is_wide else sensors.radius + room
+    return stopping_radius(sensors) if is_wide else sensors.radius
 
 
 @remembered

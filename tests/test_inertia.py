@@ -104,6 +104,14 @@ def test_a_point_that_is_too_near_lets_the_body_go_away_and_along_but_no_nearer(
     assert not clear(0.02, 0.0)
 
 
+@given(st.floats(0.301, 0.399), st.floats(-math.pi, math.pi), st.floats(-0.3, 0.3))
+def test_who_stands_may_go_on_standing_and_turn_on_the_spot_however_near_a_point_is(
+    away: float, bearing: float, turn: float
+) -> None:
+    point = np.array([away * math.cos(bearing)]), np.array([away * math.sin(bearing)])
+    assert kernels.keeps_clear(*point, np.array([[0.0, 0.0, 0.3]]), 0.0, 0.0, turn, 0.0, 0.0, 0.1, 0.0, 1)
+
+
 @pytest.mark.parametrize("step", [9e-4, 1e-4, 1e-6])
 def test_who_creeps_does_not_come_nearer_to_it_either(step: float) -> None:
     px, py, circles = np.array([0.35]), np.array([0.0]), np.array([[0.0, 0.0, 0.3]])
@@ -349,6 +357,30 @@ def test_few_beams_and_inertia_stop_nobody_for_ever_beside_a_box(
         "world": {**box, "start": [-6, 0, 0], "goal": [6, 0.3]},
     }
     rows = evaluate(list(names), [scenario], episodes=1)
+    assert [(row.policy, row.outcome) for row in rows if not row.success] == []
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("beams", [48, 64, 90])
+@pytest.mark.parametrize("slope", [0.02, 0.05, 0.1])
+def test_inertia_stops_no_bug_for_ever_at_a_wall_that_its_way_to_the_goal_nears_little_by_little(
+    kinematics: str, beams: int, slope: float
+) -> None:
+    """The way ends, and the wall is hit, before the brake makes the robot stand for what may lie between two beams."""
+    beside = 0.25 + 0.05 + slope * 3.0  # the way comes to the contour after 3 m
+    wall = [[-3.0, -beside - 3.0 * slope], [7.0, -beside + 7.0 * slope], [7.0, -beside - 2.0], [-3.0, -beside - 2.0]]
+    scenario = {
+        "robot": {"kinematics": kinematics, "radius": 0.25, "max_speed": 0.5, "max_acceleration": 2.0},
+        "lidar": {"beams": beams, "range": 4.0},
+        "world": {
+            "family": "explicit",
+            "bounds": [-4, -8, 14, 8],
+            "polygons": [wall],
+            "start": [0, 0, 0],
+            "goal": [10, 0],
+        },
+    }
+    rows = evaluate(["bug2", "com1", "tangent_bug"], [scenario], episodes=1)
     assert [(row.policy, row.outcome) for row in rows if not row.success] == []
 
 

@@ -22,7 +22,7 @@ from bug_gym.agents.walls.headings import TRIED, OpenHeadings
 from bug_gym.agents.walls.laps import Laps
 from bug_gym.agents.walls.rounding import Rounding
 from bug_gym.geometry import Point, velocity_along, wrap
-from bug_gym.inertia import needs_care, passing_radius, speed_within
+from bug_gym.inertia import needs_care, speed_within, stopping_radius
 from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity, braking_radius
 from bug_gym.steering import look_ahead
 from bug_gym.view import Sensors, View
@@ -169,7 +169,7 @@ class Boundary:
         hit = clearance - HIT_SLACKS * slack if HIT_SLACKS * slack < margin else self.inner
         # A way that the brake, or what keeps a robot able to stop, does not let it go is none: it would stand before it.
         stopped = max(
-            braking_radius(sensors), passing_radius(sensors, SAFE_SHARE * margin) if needs_care(sensors) else radius
+            braking_radius(sensors), stopping_radius(sensors, SAFE_SHARE * margin) if needs_care(sensors) else radius
         )
         self.hit_radius = max(hit, min(stopped + BESIDE_BRAKE, clearance))
         """Radius of the disc that must not touch anything on the way to the goal [m]."""

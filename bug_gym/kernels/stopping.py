@@ -191,7 +191,7 @@ def keeps_clear(
             if square > far * far:
                 continue
             if square < least * least:
-                least = math.sqrt(square) - eased
+                least = math.sqrt(square) - eased - ROUNDING
                 if least <= 0.0:
                     continue
             if chord_square(dx, dy, ex, ey, 1.0) < least * least:
