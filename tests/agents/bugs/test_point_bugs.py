@@ -276,6 +276,14 @@ def test_shut_in_by_a_ring_they_see_no_end_of_it_and_stay(policy: str, verdict: 
     assert episode.length == 0.0
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_door_beside_a_corner_that_no_beam_enters_makes_no_room_shut(seed: int) -> None:
+    """Walls that seem to go on from beam to beam prove nothing: all doors of these rooms are open."""
+    robot = {"robot.max_speed": 0.5, "goal.radius": 0.3, "lidar.range": 10.0, "lidar.noise": 0.01}
+    episode = run_episode("point_bug", "rooms", {**HOLONOMIC, **robot, "time.limit": 300.0}, seed=seed)
+    assert episode.verdict != "unreachable"
+
+
 # ------------------------------------------------------------------------------------------------ worlds at random
 
 HOLONOMIC = {"robot.kinematics": "holonomic", "lidar.beams": 180}
