@@ -4,8 +4,9 @@ Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown E
 figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs. Told: place by odometry, velocity,
 distance to the goal, state, and what is seen behind the own body. Memory kept: that of each law, and the trace of the
 own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or Com1,
-which is complete, declares it unreachable. Length: the winner's is the shorter of the two laws' ways, or near it; the
-sum at most twice that.
+which is complete, declares it unreachable, where none has to go round a partner: that proves nothing and may lead it back
+again, and who would go round one at one place for the third time is "looping". Length: the winner's is the shorter of the
+two laws' ways, or near it; the sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
 than every partner; all as of one instant, and of equals the first. The partners stop. If its way turns out to be
@@ -46,7 +47,7 @@ from bug_gym.agents.teams.partners import (
     place_after,
 )
 from bug_gym.agents.walls.boundary import LeaveRule
-from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import STANDING, Velocity
 from bug_gym.team_policy import TeamMemory
@@ -95,6 +96,10 @@ class Com1Rev3Memory(BugTeamMemory):
     """How long it has not come nearer to its way, back to which it is going [s]."""
     before: BugMemory | None = None
     """The memory of its law as it began to go round its partners."""
+    detours: list[Point] = field(default_factory=list)
+    """Where it began to go round partners on its way to this goal, odometry frame [m]."""
+    goal: Point | None = None
+    """Where the goal was then, odometry frame [m]."""
     came_within: float = math.inf
     """Nearer than this is nearer than it has come to the next place on that way [m]."""
     on_behalf: int = 0
@@ -223,8 +228,7 @@ class Com1Rev3(BugTeam):
                 self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
-                    memory.before = kept(memory.own)
-                memory.is_detouring = memory.detoured = True
+                    self._begin_detour(robot, view, memory)
                 memory.pending = None
             return STANDING
         memory.pending, memory.mode = None, memory.own.mode
@@ -256,6 +260,18 @@ class Com1Rev3(BugTeam):
         memory.trace.append(view.position)
         memory.at = len(memory.trace) - 1
         return velocity
+
+    def _begin_detour(self, robot: int, view: View, memory: Com1Rev3Memory) -> None:
+        """Take partners for obstacles; who would do so at one place for the third time goes in circles behind them."""
+        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
+            memory.goal, memory.detours = view.goal_position, []
+        memory.detours.append(view.position)
+        reach = self.laws[robot].boundary.gate_half_width
+        if sum(math.dist(place, view.position) <= reach for place in memory.detours) > 2:
+            memory.own.verdict = "looping"
+            return
+        memory.before = kept(memory.own)
+        memory.is_detouring = memory.detoured = True
 
     def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""

@@ -17,10 +17,11 @@ from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.teams.com1_rev3 import Com1Rev3
 from bug_gym.agents.teams.partners import SeeThrough
-from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON, load
+from bug_gym.config import ONI_WANG_PLACES, ONI_WANG_POLYGON, dump, load
 from bug_gym.evaluation import evaluate
 from bug_gym.evaluation.entries import PolicyEntry
 from bug_gym.policy import MisfitError
+from bug_gym.reproductions import cylinder_claims
 from bug_gym.reproductions.team_runs import TeamRun, run_team
 from bug_gym.reproductions.team_worlds import Across, alone, random_world, team_scenario
 from bug_gym.simulation import Simulation
@@ -226,6 +227,16 @@ def test_com1s_lap_proves_that_there_is_no_way() -> None:
     solo = run_episode("com1", {**scenario, "world": world, "robots": starts[:1]}, clearance=0.5, turn="right")
     assert run.lengths[0] == pytest.approx(solo.length, abs=0.1)
     assert run.lengths[0] <= 1.03 * (Ring().first + Ring().lap) + 0.6
+
+
+@pytest.mark.parametrize(("seed", "clearance"), [(35, 0.295), (39, 0.295), (7, None)])
+def test_robots_shut_in_close_together_do_not_go_in_circles_behind_one_another_for_ever(
+    seed: int, clearance: float | None
+) -> None:
+    """Each going round the other spoils the lap that would prove it: both went on for good."""
+    shut = load(cylinder_claims.scenario("holonomic", shut=True), {"robots.count": 2})
+    run = run_team("com1_rev3", dump(shut), seed=seed, clearance=clearance)
+    assert all(run.verdicts) and set(run.verdicts) <= {"looping", "unreachable"}
 
 
 # ------------------------------------------------------------------------------------------ making room
