@@ -4,9 +4,10 @@ Source: Kandathil, Mathew and Hiremath 2020, "Development and analysis of a nove
 multi-robot system inspired by the Bug-1 algorithm", as Oni and Wang describe it (sections 2 and 4.2) to compare theirs
 with; law as in `bugs/bug1.py`. Sensing assumed: as Bug1's. Told: place by odometry, direction along the wall, nearest
 point and the way back to it, what is seen behind the own body. Memory kept: Bug1's, and where its half of the lap
-began. States: those of Bug1, hold, waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable, as
-Bug1. Length: of both on one obstacle 2 s + P + 2 lambda + g, with s to the hit, P the perimeter, lambda from the meeting
-to the nearest point and g from there; up to 2 s + 3 P until they know that there is no way.
+began. States: those of Bug1, hold, waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable,
+as Bug1, where neither has to go round the other. Length: of both on one obstacle 2 s + P + 2 lambda + g, with s to the
+hit, P the perimeter, lambda from the meeting to the nearest point and g from there; up to 2 s + 3 P until they know
+that there is no way.
 
 *Meeting.* Both have followed the wall for a while, in opposite directions, are a hand's breadth apart with no wall
 between, and have a hand on the same wall. They have walked half the perimeter each then, so the shorter way to the
@@ -19,7 +20,8 @@ through. Else both turn round where they meet, and go back and on with the other
 these halves have one beginning, and make a lap.
 
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
-round it as round an obstacle; a lap on which it did proves nothing. Two that have goals of their own drive by Bug1 each
+round it as round an obstacle; a lap on which it did proves nothing, and who would for the third time from one place is
+"looping". Two that have goals of their own drive by Bug1 each
 for itself: nearer than 2 m the second one stands, and the first goes round it.
 """
 
@@ -147,9 +149,10 @@ class Bug1Pair(BugTeam):
                 return self._hold(memory)
             memory.is_detouring = True
         if memory.is_behind and memory.own.contour is None:
-            if distance < BEHIND:
+            memory.waited += self.sensors.drive.step
+            if distance < BEHIND and memory.waited <= 2.0 * PATIENCE:
                 return self._hold(memory)
-            memory.is_behind = False
+            memory.is_behind = False  # the finder has gone, or does not get away
         if memory.pending is None:
             memory.pending = self._law(robot, team, memories).act(view, memory.own)
             self._forget_detour(memory)
@@ -158,8 +161,11 @@ class Bug1Pair(BugTeam):
         if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
             memory.waited += self.sensors.drive.step
-            if memory.waited > PATIENCE:
-                memory.is_detouring = memory.detoured = True
+            if memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
+                memory.is_detouring, memory.waited = False, 0.0  # there is no way round: it waits again
+            elif memory.waited > PATIENCE:
+                if not memory.is_detouring:
+                    self.begin_detour(robot, view, memory)
                 memory.pending = None
             return STANDING
         velocity, memory.pending, memory.mode = memory.pending, None, memory.own.mode

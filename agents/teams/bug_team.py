@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from bug_gym.agents.teams.partners import ROOM, Seen, SeeThrough, farthest_blocker, least_gap, way_asked, who_goes
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
-from bug_gym.agents.walls.contour import BugMemory
+from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
+from bug_gym.geometry import Point
 from bug_gym.kinematics import asked_velocity, steering
 from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity
 from bug_gym.team_policy import TeamMemory, TeamPolicy
@@ -23,6 +24,9 @@ from bug_gym.view import Sensors, View
 
 PATIENCE = 10.0
 """How long a robot waits in one encounter before it goes round its partner [s]."""
+
+AT_ONE_PLACE = 2
+"""How often it does so from one place at most: it has come back to where it was, and will again."""
 
 SAME_DISTANCE = 1e-6
 """Distances to the goal that differ by less are equal [m]."""
@@ -61,6 +65,10 @@ class BugTeamMemory(TeamMemory):
     """Whether it goes round its partners as round obstacles."""
     detoured: bool = False
     """Whether it has ever."""
+    detours: list[Point] = field(default_factory=list)
+    """Where it began to, on its way to this goal, odometry frame [m]."""
+    detour_goal: Point | None = None
+    """Where the goal was then, odometry frame [m]."""
     has_own_goal: bool = False
     """Whether the robots go to goals of their own, so that nobody's arrival is of use to another."""
 
@@ -234,6 +242,22 @@ class BugTeam(TeamPolicy):
         radius = min(max(view.nearest()[0], boundary.hit_radius), passes)
         is_free = view.free_distance(bearing, radius) >= distance
         return is_free or boundary.can_reach_goal(view, bearing, distance)
+
+    def begin_detour(self, robot: int, view: View, memory: BugTeamMemory) -> bool:
+        """Have a robot take partners for obstacles; who would at one place for the third time goes in circles behind them.
+
+        Returns:
+            Whether it begins; else it is "looping".
+        """
+        if memory.detour_goal is None or math.dist(memory.detour_goal, view.goal_position) > TARGET_MOVED:
+            memory.detour_goal, memory.detours = view.goal_position, []
+        memory.detours.append(view.position)
+        reach = self.laws[robot].boundary.gate_half_width
+        if sum(math.dist(place, view.position) <= reach for place in memory.detours) > AT_ONE_PLACE:
+            memory.own.verdict = "looping"
+            return False
+        memory.is_detouring = memory.detoured = True
+        return True
 
     def check_winner(self, memories: Sequence[BugTeamMemory]) -> None:
         """A winner that fell silent has arrived, or will not."""

@@ -47,7 +47,7 @@ from bug_gym.agents.teams.partners import (
     place_after,
 )
 from bug_gym.agents.walls.boundary import LeaveRule
-from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
+from bug_gym.agents.walls.contour import BugMemory
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.policy import STANDING, Velocity
 from bug_gym.team_policy import TeamMemory
@@ -96,10 +96,6 @@ class Com1Rev3Memory(BugTeamMemory):
     """How long it has not come nearer to its way, back to which it is going [s]."""
     before: BugMemory | None = None
     """The memory of its law as it began to go round its partners."""
-    detours: list[Point] = field(default_factory=list)
-    """Where it began to go round partners on its way to this goal, odometry frame [m]."""
-    goal: Point | None = None
-    """Where the goal was then, odometry frame [m]."""
     came_within: float = math.inf
     """Nearer than this is nearer than it has come to the next place on that way [m]."""
     on_behalf: int = 0
@@ -228,7 +224,9 @@ class Com1Rev3(BugTeam):
                 self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
-                    self._begin_detour(robot, view, memory)
+                    before = kept(memory.own)
+                    if self.begin_detour(robot, view, memory):
+                        memory.before = before
                 memory.pending = None
             return STANDING
         memory.pending, memory.mode = None, memory.own.mode
@@ -260,18 +258,6 @@ class Com1Rev3(BugTeam):
         memory.trace.append(view.position)
         memory.at = len(memory.trace) - 1
         return velocity
-
-    def _begin_detour(self, robot: int, view: View, memory: Com1Rev3Memory) -> None:
-        """Take partners for obstacles; who would do so at one place for the third time goes in circles behind them."""
-        if memory.goal is None or math.dist(memory.goal, view.goal_position) > TARGET_MOVED:
-            memory.goal, memory.detours = view.goal_position, []
-        memory.detours.append(view.position)
-        reach = self.laws[robot].boundary.gate_half_width
-        if sum(math.dist(place, view.position) <= reach for place in memory.detours) > 2:
-            memory.own.verdict = "looping"
-            return
-        memory.before = kept(memory.own)
-        memory.is_detouring = memory.detoured = True
 
     def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.agents.teams.hidden import ROUNDING, look_through_partners
-from bug_gym.geometry import Point
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.inertia import farthest_way, shown_points, way_to_stand
 from bug_gym.policy import STANDING, Velocity
 from bug_gym.team_policy import TeamMemory
@@ -111,6 +111,16 @@ def place_after(memory: TeamMemory, velocity: Velocity) -> Point:
     )
 
 
+def driven_after(memory: TeamMemory, velocity: Velocity) -> Point:
+    """Where a step at a velocity of its frame brings a robot that turns toward it meanwhile, in the team's frame [m]."""
+    assert memory.view is not None
+    drive = memory.view.sensors.drive
+    speed, rate = kinematics.turning(drive, velocity)
+    half = 0.5 * drive.step * rate
+    chord = speed * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+    return place_after(memory, velocity_along(half, chord))
+
+
 def points_told(memory: TeamMemory, view: View) -> NDArray[np.float64]:
     """What a robot sees (k, 2), in the team's frame [m]."""
     assert memory.frame is not None
@@ -160,8 +170,8 @@ def closes(
 ) -> bool:
     """Whether a step at velocities of their frames lessens the gap `now` between two robots to below `least` [m].
 
-    Of robots with inertia: while they drive it, and then brake; where they come so near in any case, whether to stand at
-    once keeps them farther apart.
+    Of robots that turn: at these velocities, or as they turn toward them. Of robots with inertia: while they drive it, and then
+    brake; where they come so near in any case, whether to stand at once keeps them farther apart.
     """
     assert one.view is not None
     sensors = one.view.sensors
@@ -174,6 +184,8 @@ def closes(
     if now - duration * (math.hypot(*velocity) + math.hypot(*other_velocity)) > least + ROUNDING:
         return False
     distance = math.dist(place_after(one, velocity), place_after(other, other_velocity))
+    if sensors.drive.kinematics != "holonomic":
+        distance = min(distance, math.dist(driven_after(one, velocity), driven_after(other, other_velocity)))
     return distance < least and distance < now - 1e-6
 
 

@@ -4,6 +4,7 @@ The worlds are those of the family `cellular_automaton` (Perille et al. 2020): e
 others have a way at the clearance that the policies keep. The family asks that of the configuration space: a disc is stopped
 where a chain of cylinders, none farther from the next than the disc is wide, leads from side to side, and only there.
 Policies must not call an open goal unreachable; a complete one must arrive there, and must say so where there is no way.
+Of a team two robots begin side by side: one has to arrive, and neither may claim wrongly.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from bug_gym.agents import AGENTS, make_policy, parameters_table
-from bug_gym.config import Scenario, load
+from bug_gym.agents import AGENTS, make_policy, parameters_table, team_names
+from bug_gym.config import Scenario, dump, load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.progress import progress_bar
 from bug_gym.evaluation.rollout import Rollout
@@ -23,6 +24,7 @@ from bug_gym.reproductions.barn import COMMON, PARAMETERS, ROBOTS, STEPS
 from bug_gym.reproductions.bug_no_way import Answer, as_replayable, counts, held, not_tried
 from bug_gym.reproductions.kept import kept_runs
 from bug_gym.reproductions.result import Reproduction, Settings, Table
+from bug_gym.reproductions.team_runs import run_team
 from bug_gym.workers import each, starred
 
 SEEDS = 2000
@@ -37,15 +39,15 @@ POLICIES = (
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
     *("critical_point_bug", "modified_critical_point_bug", "operative_critical_point_bug", "orca", "apf"),
     *("minimum_risk", "bfs", "dijkstra", "a_star", "bidirectional_a_star", "d_star", "d_star_lite", "theta_star"),
-    *("rrt_star", "visibility_graph", "d2t_eaco", "d2t_dijkstra"),
+    *("rrt_star", "visibility_graph", "d2t_eaco", "d2t_dijkstra", *team_names()),
 )
-"""All that end by themselves in still worlds; planners are given the map."""
+"""All that end by themselves in still worlds; planners are given the map, of teams two robots begin side by side."""
 
 
 def parameters(policy: str, robot: str) -> dict[str, Any]:
     """What a policy is told: the clearance, a planner as its margin beside the body; some keep a distance of their own."""
     known = {parameter.name for name, parameter in parameters_table() if name == policy}
-    if "clearance" in known:
+    if "clearance" in known or policy in team_names():
         return PARAMETERS[robot]
     return {"margin": PARAMETERS[robot]["clearance"] - ROBOTS[robot]["radius"]} if "margin" in known else {}
 
@@ -56,8 +58,8 @@ def robots_of(policy: str) -> list[str]:
     Raises:
         ValueError: an unknown policy, or one that drives neither.
     """
-    if policy in AGENTS and AGENTS[policy].privileged:
-        return list(DRIVEN)  # they need a live world, and drive any robot
+    if policy in team_names() or (policy in AGENTS and AGENTS[policy].privileged):
+        return list(DRIVEN)  # planners need a live world; both drive any robot
     found, refused = [], None
     for robot in DRIVEN:
         try:
@@ -81,10 +83,25 @@ def scenario(robot: str, *, shut: bool) -> Scenario:
 def answers(policy: str, robot: str, seeds: Sequence[int]) -> list[Answer]:
     """What a policy makes of the worlds of some seeds, all shut or all with a way."""
     shut = is_shut(seeds[0])
+    if policy in team_names():
+        return [mission(policy, robot, seed) for seed in seeds]
     entry = PolicyEntry(policy, policy, parameters(policy, robot))
     world = ScenarioEntry(robot, scenario(robot, shut=shut), range(seeds[0], seeds[-1] + 1))
     rows = [row for (row,) in Rollout(entry, world, list(seeds), slots=1).worlds()]
     return [Answer(policy, robot, row.seed, not shut, row.outcome, row.verdict) for row in rows]
+
+
+def mission(team: str, robot: str, seed: int) -> Answer:
+    """What two robots of a team make of a world: one arrives, or both have given up; the claim of either is the team's."""
+    shut = is_shut(seed)
+    world = load(scenario(robot, shut=shut), {"robots.count": 2})
+    steps = round(world.time.limit / world.time.step)
+    run = run_team(team, dump(world), seed=seed, max_steps=steps, **parameters(team, robot))
+    verdict = "unreachable" if "unreachable" in run.verdicts else ", ".join(sorted({*run.verdicts} - {""}))
+    ended = next(
+        (end for end in ("collision", "success") if end in run.outcomes), "gave_up" if all(run.verdicts) else "timeout"
+    )
+    return Answer(team, robot, seed, not shut, ended, verdict if ended == "gave_up" or verdict == "unreachable" else "")
 
 
 def is_shut(seed: int) -> bool:

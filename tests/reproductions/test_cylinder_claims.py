@@ -2,6 +2,7 @@
 
 import pytest
 
+from bug_gym.agents import team_names
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
@@ -43,6 +44,22 @@ def test_planners_keep_the_same_room_as_bugs_and_claim_rightly() -> None:
     assert result.data["wrong"] == [] and result.holds
     for found in result.data["policies"].values():
         assert (found["reached"], found["unreachable"]) == (6, 2)
+
+
+@pytest.mark.parametrize("team", team_names())
+def test_teams_claim_rightly_and_their_missions_end(team: str) -> None:
+    result = reproduction("cylinder-claims")(Settings(seeds=8, policies=(team,)))
+    assert result.data["wrong"] == [] and result.holds
+    for found in result.data["policies"].values():
+        assert (found["with a way"], found["without"], found["wrong claims"]) == (6, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("robot", "seed"), [("jackal", 0), ("jackal", 10), ("holonomic", 7), ("jackal", 7), ("jackal", 23)]
+)
+def test_a_pair_of_bug1_that_touched_or_never_ended_once_does_neither(robot: str, seed: int) -> None:
+    """Two who turned toward one another drove on, on arcs; one held for one that went round it for ever."""
+    assert cylinder_claims.mission("bug1_pair", robot, seed).is_right
 
 
 def test_who_drives_neither_robot_is_refused_before_the_work() -> None:
