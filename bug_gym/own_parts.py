@@ -244,7 +244,10 @@ def asked_names(function: Callable[..., Any], told: str) -> tuple[str, ...]:
             continue
         if parameter.default is not parameter.empty:
             break
-        if parameter.name not in KNOWN or parameter.kind is parameter.KEYWORD_ONLY:
+        if parameter.kind is parameter.KEYWORD_ONLY:
+            came = f"{told} asks for {shortened(parameter.name)} by keyword alone"
+            raise ScenarioError(f"{came}, expected arguments before the *, as arrays are handed over in their order")
+        if parameter.name not in KNOWN:
             hint = nearest_hint(parameter.name, KNOWN)
             raise ScenarioError(f"{told} asks for {shortened(parameter.name)}{hint} (known: {', '.join(KNOWN)})")
         names.append(parameter.name)

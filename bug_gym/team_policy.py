@@ -301,6 +301,8 @@ class TeamPolicy(ABC):
 
     least_robots: ClassVar[int] = 2
     """How many robots the algorithm needs at least."""
+    most_robots: ClassVar[float] = math.inf
+    """How many it drives at most."""
 
     wants_room: ClassVar[bool] = False
     """Whether robots that start nearer to one another than START_DISTANCE are worth a warning."""
@@ -315,9 +317,10 @@ class TeamPolicy(ABC):
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         require_sensors(sensors, self)
-        if len(agents) < self.least_robots:
-            name = type(self).__name__
-            raise MisfitError(f"{name} drives {self.least_robots} robots or more, the scenario has {len(agents)}")
+        if not self.least_robots <= len(agents) <= self.most_robots:
+            more = "" if self.most_robots == self.least_robots else " or more"
+            told = f"{type(self).__name__} drives {self.least_robots} robots{more}"
+            raise MisfitError(f"{told}, the scenario has {len(agents)}")
         self.sensors = sensors
         self.agents = tuple(agents)
         self.discrete = discrete

@@ -532,6 +532,10 @@ def test_the_digest_tells_them_and_is_as_ever_without() -> None:
         ({"reward_terms": {"t": {"function": near_wall, "wieght": 2}}}, "unknown key.*did you mean 'weight'"),
         ({"reward_terms": [near_wall]}, "reward_terms: got .*expected a mapping"),
         ({"reward_terms": {"t": lambda rangs: rangs}}, r"reward_terms\.t .*asks for 'rangs', did you mean 'ranges'"),
+        (
+            {"reward_terms": {"t": lambda *, time: time}},
+            r"asks for 'time' by keyword alone, expected arguments before the \*",
+        ),
         ({"reward_terms": {"t": lambda: 0}}, "asks for no array"),
         ({"reward_terms": {"t": lambda scale=2.0: 0}}, "asks for no array"),
         ({"observation_fields": {"goal": FIELDS["way"]}}, r"observation_fields\.goal: this name is taken"),

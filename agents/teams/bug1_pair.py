@@ -42,7 +42,7 @@ from bug_gym.agents.walls.contour import CLOSER, Contour
 from bug_gym.agents.walls.laps import is_parting
 from bug_gym.geometry import Point
 from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
-from bug_gym.policy import STANDING, MisfitError, Velocity
+from bug_gym.policy import STANDING, Velocity
 from bug_gym.view import Sensors, View
 
 BEHIND = 2.0
@@ -93,12 +93,11 @@ class Bug1Pair(BugTeam):
 
     Parameters = Bug1PairParameters
     parameters: Bug1PairParameters
+    most_robots = 2
     wants_room = True
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
-        if self.robots != 2:
-            raise MisfitError(f"Bug1Pair drives 2 robots, the scenario has {self.robots}")
         self.by_side = {
             side: Bug1(sensors, clearance=self.parameters.clearance, turn=turn).driven_late()
             for side, turn in ((1, "left"), (-1, "right"))

@@ -153,7 +153,7 @@ def test_the_two_never_touch_and_never_stand_for_ever(seed: int) -> None:
 
 def test_it_drives_two_robots_and_no_others() -> None:
     for source in ("static", random_world(0, 4)):
-        with pytest.raises(MisfitError, match="2 robots"):
+        with pytest.raises(MisfitError, match=r"drives 2 robots, the scenario has [14]"):
             make_policy("bug1_pair", source)
 
 
