@@ -87,10 +87,9 @@ def print_matrix(summaries: Sequence[Summary], console: Console) -> None:
 
 def _title(whole: Matrix) -> str:
     counts = {cell.n for line in whole.lines for cell in line.cells if cell is not None}
-    episodes = (
-        f"{counts.pop()} episodes a cell" if len(counts) == 1 else f"{min(counts)} to {max(counts)} episodes a cell"
-    )
-    return f"success [%], {episodes}; in brackets the 95 % interval"
+    least, most = min(counts), max(counts)
+    episodes = f"{most} episode" if most == 1 else f"{f'{least} to ' if least < most else ''}{most} episodes"
+    return f"success [%], {episodes} a cell; in brackets the 95 % interval"
 
 
 def _pieces(whole: Matrix, *, room: int, most: int) -> list[tuple[Line, ...]]:
