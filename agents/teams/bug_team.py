@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.teams.partners import ROOM, Seen, SeeThrough, farthest_blocker, least_gap, way_asked, who_goes
@@ -51,6 +52,14 @@ def check_distances(hold_distance: float, go_distance: float) -> None:
         raise ValueError(f"hold_distance must be from 0 to go_distance ({go_distance}), got {hold_distance}")
 
 
+def is_between(view: View, radius: float) -> bool:
+    """Whether what stands is nearer than a radius [m] on two sides, a third of a turn apart or more."""
+    points = np.stack(view.points)
+    away = np.hypot(*points)
+    toward = points[:, away < radius] / np.maximum(away[away < radius], 1e-9)
+    return bool((toward.T @ toward < -0.5).any())
+
+
 @dataclass
 class BugTeamMemory(TeamMemory):
     """Memory of one robot of a team of bugs."""
@@ -65,6 +74,8 @@ class BugTeamMemory(TeamMemory):
     """Whether it goes round its partners as round obstacles."""
     detoured: bool = False
     """Whether it has ever."""
+    squeezed: bool = False
+    """Whether it has gone through a gap then that its law does not go into."""
     detours: list[Point] = field(default_factory=list)
     """Where it began to, on its way to this goal, odometry frame [m]."""
     detour_goal: Point | None = None
@@ -156,6 +167,8 @@ class BugTeam(TeamPolicy):
             still: gives what it sees without what its partners hide, when it is time for a glance.
         """
         boundary, own = self.laws[robot].boundary, memory.own
+        if memory.is_detouring and not memory.squeezed:
+            memory.squeezed = is_between(still(), boundary.inner)
         if boundary.looks_now(memory.eyes) and boundary.has_moved(still(), memory.eyes) and own.contour is not None:
             own.contour.is_disturbed = True
         if not own.glances:  # the law's own glances are never due
@@ -269,17 +282,18 @@ class BugTeam(TeamPolicy):
     def share_verdicts(self, memories: Sequence[BugTeamMemory], complete: int) -> None:
         """The mission ends where a complete robot proves that there is no way, or where no robot has one left.
 
-        A robot that goes to a goal of its own gives up alone.
+        A robot that goes to a goal of its own gives up alone. Going round a partner one gets through gaps that it would not
+        go into by itself; a lap in there proves nothing of what lies outside.
 
         Args:
             memories: one a robot.
             complete: how many robots' laws are complete; they come first.
         """
-        for memory in memories:
-            if memory.own.verdict:
-                break
-        else:
+        if not any(memory.own.verdict for memory in memories):
             return
+        for memory in memories:
+            if memory.squeezed and memory.own.verdict == "unreachable":
+                memory.own.verdict = "looping"
         heard = [memory for memory in memories if memory.is_heard]
         proven = any(memory.own.verdict == "unreachable" for memory in memories[:complete] if memory.is_heard)
         has_own, nobody_goes = memories[0].has_own_goal, all(memory.own.verdict for memory in heard)

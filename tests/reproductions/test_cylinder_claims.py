@@ -54,6 +54,11 @@ def test_teams_claim_rightly_and_their_missions_end(team: str) -> None:
         assert (found["with a way"], found["without"], found["wrong claims"]) == (6, 2, 0)
 
 
+def test_who_got_through_a_narrow_gap_on_the_way_round_its_partner_claims_nothing_in_there() -> None:
+    """Its lap behind two gaps of 0.6 m, which Bug1 does not go into at 0.345 m, had made an open goal unreachable."""
+    assert cylinder_claims.mission("bug1_pair", "jackal", 193).is_right
+
+
 @pytest.mark.parametrize(
     ("robot", "seed"), [("jackal", 0), ("jackal", 10), ("holonomic", 7), ("jackal", 7), ("jackal", 23)]
 )
