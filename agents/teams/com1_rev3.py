@@ -3,10 +3,10 @@
 Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", sections 3.2 and 3.3,
 figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs. Told: place by odometry, velocity,
 distance to the goal, state, and what is seen behind the own body. Memory kept: that of each law, and the trace of the
-own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or Com1,
-which is complete, declares it unreachable, where none has to go round a partner: that may lead it back again, or through a
-gap behind which a lap proves nothing, and who would go round one from one place for the third time is "looping". Length: the winner's is the shorter of the
-two laws' ways, or near it; the sum at most twice that.
+own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or
+Com1, which is complete, declares it unreachable, where none has to go round a partner: that may lead it back again, or
+through a gap behind which a lap proves nothing, and who would go round one from one place for the third time is
+"looping". Length: the winner's is the shorter of the two laws' ways, or near it; the sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
 than every partner; all as of one instant, and of equals the first. The partners stop. If its way turns out to be
