@@ -243,7 +243,7 @@ def asked_names(function: Callable[..., Any], told: str) -> tuple[str, ...]:
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             continue
         if parameter.default is not parameter.empty:
-            break
+            continue
         if parameter.kind is parameter.KEYWORD_ONLY:
             came = f"{told} asks for {shortened(parameter.name)} by keyword alone"
             raise ScenarioError(f"{came}, expected arguments before the *, as arrays are handed over in their order")

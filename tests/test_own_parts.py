@@ -412,7 +412,7 @@ def test_nobody_can_go_on_with_a_function_whose_lines_nobody_knows(tmp_path: Pat
     function = of_a_notebook("def hurry(steps):\n    return -0.3 * steps\n", has_lines=False)
     scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": function})
     assert len(evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows")) == 1
-    with pytest.raises(ValueError, match=r"a run with reward_terms\.hurry, which is written in no file"):
+    with pytest.raises(ValueError, match=r"reward_terms\.hurry is written in no file"):
         evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows")
 
 
@@ -536,6 +536,7 @@ def test_the_digest_tells_them_and_is_as_ever_without() -> None:
             {"reward_terms": {"t": lambda *, time: time}},
             r"asks for 'time' by keyword alone, expected arguments before the \*",
         ),
+        ({"reward_terms": {"t": lambda pose, k=2.0, *, time: time}}, "asks for 'time' by keyword alone"),
         ({"reward_terms": {"t": lambda: 0}}, "asks for no array"),
         ({"reward_terms": {"t": lambda scale=2.0: 0}}, "asks for no array"),
         ({"observation_fields": {"goal": FIELDS["way"]}}, r"observation_fields\.goal: this name is taken"),

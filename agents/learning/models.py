@@ -30,6 +30,7 @@ from bug_gym.agents.learning.settings import (
     AnySettings,
     OfflineSettings,
     load_settings,
+    policies_of_code,
     training_names,
 )
 from bug_gym.assignments import name_and_options
@@ -192,7 +193,8 @@ def command(record: Mapping[str, Any]) -> str:
         changed = {key: value for key, value in record["settings"].items() if value != shipped.get(key)}
         sets = [("--set", f"{key}={json.dumps(value)}") for key, value in changed.items()]
         words = ["bug-gym", "train", name, *(word for pair in sets for word in pair)]
-    words += ["--trust"] if any(map(_names_code, _worlds(record))) else []
+    has_code = any(map(_names_code, _worlds(record))) or policies_of_code(record["settings"])
+    words += ["--trust"] if has_code else []
     if dataset := _dataset_of(record):
         words += ["--dataset", dataset]
     seeds = sorted(map(int, record["runs"]))

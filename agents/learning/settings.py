@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,7 @@ from pydantic_core import PydanticSerializationError
 
 from bug_gym.agents.learning.curriculum import Curriculum, Stage, require_stages
 from bug_gym.agents.learning.history import MOST_STEPS
+from bug_gym.agents.outside import Spec
 from bug_gym.config import (
     SCENARIO_FOLDER,
     Scenario,
@@ -34,6 +36,7 @@ from bug_gym.config import (
     read_yaml,
 )
 from bug_gym.naming import nearest_hint
+from bug_gym.references import is_reference
 from bug_gym.scenario_code import data_digest, own_code
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import (
@@ -79,7 +82,7 @@ class Settings(Part):
     """What the model is called; a file's stem where the file gives none."""
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
     """Scenarios to train in, each with the same share of the worlds; they need the same robot. Paths are relative to the
-    training's file, as all in it but `start_from`."""
+    training's file, as all in it but `start_from` and policies, which are looked for as `--policies` are."""
     overrides: dict[str, Any] = {}
     """Values by dotted key that replace those of every scenario: most of all the weights of the reward."""
     action: Literal["continuous", "discrete"] = "continuous"
@@ -437,7 +440,8 @@ def load_settings(
         source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
         overrides: values by key that replace the file's; `overrides` replaces all of the training's own, a key below it
             such as `overrides.world.obstacles` that one alone.
-        trust: whether code that its scenarios name may be imported, which runs the code of their modules.
+        trust: whether code that its scenarios name may be imported, which runs the code of their modules, and whether it may
+            name policies that are code.
 
     Raises:
         ScenarioError: where something is unknown, missing or not allowed.
@@ -452,7 +456,10 @@ def load_settings(
     try:
         settings = ALGORITHMS[algo].model_validate(data).trusting(trust)
         settings.rate(1.0)
-        settings.model_dump_json()
+        asked = json.loads(settings.model_dump_json())
+        if not trust and (named := policies_of_code(asked)):
+            why = "to ask it runs its code: pass trust=True (--trust) if you know where it comes from"
+            raise ValueError(f"policy {shortened(named[0])}: {why}")
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
     except PydanticSerializationError:
@@ -465,6 +472,14 @@ def load_settings(
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None
     return settings
+
+
+def policies_of_code(settings: Mapping[str, Any]) -> list[str]:
+    """The policies that a training names, as data, and that run code of their own: classes by name, and zips that it trusts."""
+    data = settings.get("data") or {}
+    named = [settings.get("expert"), *data.get("policies", ())]
+    specs = [(policy, Spec.of(policy)) for policy in named if policy is not None]
+    return [policy for policy, spec in specs if is_reference(spec.name) or "trust" in spec.options]
 
 
 BELOW = "overrides."
@@ -502,13 +517,13 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
             )
         source = TRAIN_FOLDER / f"{source}.yaml"
     path = expanded(source)
-    return path.name, _beside(path.parent, read_yaml(path, training_names()))
+    return path.name, beside(path.parent, read_yaml(path, training_names()))
 
 
-def _beside(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
-    """A training, or a stage of its curriculum, whose scenarios are looked for in the folder of its file."""
+def beside(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """Values of a training, or of a stage of its curriculum, whose scenarios are looked for in the folder of their file."""
     if isinstance(scenarios := data.get("scenarios"), list):
         data = data | {"scenarios": [from_folder(source, folder) for source in scenarios]}
     if isinstance(stages := data.get("curriculum"), list):
-        data = data | {"curriculum": [_beside(folder, stage) if isinstance(stage, dict) else stage for stage in stages]}
+        data = data | {"curriculum": [beside(folder, stage) if isinstance(stage, dict) else stage for stage in stages]}
     return data

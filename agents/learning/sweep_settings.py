@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import islice, product
+from itertools import chain, islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationError, model_validator
 
-from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
+from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, beside, load_settings
 from bug_gym.checks import shortened
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, from_folder, names_file, read_yaml
 from bug_gym.limits import MOST_TRAININGS
@@ -153,13 +153,15 @@ def load_sweep(source: str | Path | Mapping[str, Any], *, trust: bool = False) -
         path = expanded(source)
         data = read_yaml(path)
         data = {key: from_folder(value, path.parent) if key == "training" else value for key, value in data.items()}
+        if isinstance(overrides := data.get("overrides"), dict):
+            data["overrides"] = beside(path.parent, overrides)
     try:
         settings = SweepSettings.model_validate(data).trusting(trust)
     except ValidationError as error:
         raise ScenarioError(explain(error, label)) from None
     try:
         first = _first_training(settings)
-        for scenario in first.loaded:
+        for scenario in chain(*first.worlds.values()):
             own_parts(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{label}: {error}") from None

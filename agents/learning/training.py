@@ -491,8 +491,10 @@ def _other_training(config: Mapping[str, Any], settings: AnySettings, seeds: Seq
             return f"settings.{key} was {shortened(was)}, is now {shortened(now)}"
     made_of = config.get("made_of", {})
     for key, digest in settings.made_of.items():
-        if made_of.get(key) != digest:
-            return f"{key} has changed since, its digest was {made_of.get(key, 'not kept')}, is now {digest}"
+        if key not in made_of:
+            return f"nobody can tell whether {key} has changed since, its digest was not kept"
+        if made_of[key] != digest:
+            return f"{key} has changed since, its digest was {made_of[key]}, is now {digest}"
     if others := config["runs"].keys() - set(map(str, seeds)):
         return f"seed was {', '.join(sorted(others))}, is now {', '.join(map(str, seeds))}"
     return ""

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 
 TRUST = (
-    "import and run the code that scenarios name: functions of reward_terms and observation_fields, families of worlds"
+    "import and run the code that scenarios name: functions of reward_terms and observation_fields, families of worlds; and "
+    "policies that a training names"
 )
 
 

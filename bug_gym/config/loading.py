@@ -191,7 +191,7 @@ def names_file(source: object) -> bool:
 
 def from_folder(source: Any, folder: Path) -> Any:
     """What a file in a folder names, a scenario or a training: a path starts from there, a name is a name."""
-    return str(folder / Path(source).expanduser()) if names_file(source) else source
+    return str(folder / expanded(source)) if names_file(source) else source
 
 
 def _resolved(value: Any, folder: Path, keys: tuple[str, ...] = ()) -> Any:
@@ -200,14 +200,15 @@ def _resolved(value: Any, folder: Path, keys: tuple[str, ...] = ()) -> Any:
     Args:
         value: all of it, or what stands at some key.
         folder: the file's.
-        keys: that lead to the value; keys with dots, as overrides have them, come apart.
+        keys: that lead to the value; keys with dots, as overrides have them, come apart. What is in a list, as the values
+            to choose from of a sweep, has those of the list.
     """
     if isinstance(value, dict):
         return {key: _resolved(item, folder, (*keys, *str(key).split("."))) for key, item in value.items()}
     if isinstance(value, list):
-        return [_resolved(item, folder, (*keys, "")) for item in value]
+        return [_resolved(item, folder, keys) for item in value]
     if isinstance(value, str) and (_is_code_of_file(value) if _name_code(keys) else keys[-1:] == ("path",)):
-        return str(folder / Path(value).expanduser())
+        return str(folder / expanded(value))
     return value
 
 
@@ -217,9 +218,8 @@ def _is_code_of_file(text: str) -> bool:
 
 def _name_code(keys: tuple[str, ...]) -> bool:
     """Whether a function of a scenario, or its family of worlds, stands at some keys."""
-    if keys[-1:] == ("function",):
-        keys = keys[:-1]
-    return keys[-2:] == ("world", "family") or not OWN_PARTS.keys().isdisjoint(keys[-2:-1])
+    places = [keys, keys[:-1]] if keys[-1:] == ("function",) else [keys]  # a term may be called "function", too
+    return any(place[-2:] == ("world", "family") or not OWN_PARTS.keys().isdisjoint(place[-2:-1]) for place in places)
 
 
 def _plain(value: Any, label: str) -> Any:

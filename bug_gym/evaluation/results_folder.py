@@ -92,7 +92,8 @@ class ResultFolder:
         self._plan = plan
         self._scenarios = {scenario.label: scenario for scenario in plan.scenarios}
         self._pairs = {(scenario.label, policy.label) for scenario, policy in plan.pairs()}
-        self._agree_on_manifest()
+        manifest = plan.manifest()
+        is_asked_for_more = self._agree_on_manifest(manifest)
         rows, lengths = self._read_rows(), self._read_lengths()
         self._require_agreement(rows, lengths)
         self._require_whole_worlds(rows)
@@ -100,6 +101,8 @@ class ResultFolder:
         """Rows of the worlds that are done."""
         self.lengths: Lengths = dict(lengths.settled(repair=repair))
         """Shortest paths that are known."""
+        if is_asked_for_more:  # from here on; a folder that is damaged stays what it was
+            write_manifest(self.path / MANIFEST, manifest)
 
     def add_rows(self, rows: Sequence[EpisodeRow]) -> None:
         """Keep the rows of one world; they are on the disk when this returns."""
@@ -120,28 +123,32 @@ class ResultFolder:
             partial.write_text("\n".join(f"{one.told}\n\n{one.traceback}" for one in failures), encoding="utf-8")
         return path
 
-    def _agree_on_manifest(self) -> None:
-        """Write down what is asked, or find that the same was asked before, or less: its rows are the same in both."""
-        path, manifest = self.path / MANIFEST, self._plan.manifest()
+    def _agree_on_manifest(self, manifest: Mapping[str, Any]) -> bool:
+        """Write down what is asked, or find that the same was asked before, or less: its rows are the same in both.
+
+        Returns:
+            Whether it was less.
+        """
+        path = self.path / MANIFEST
         is_new = not path.exists()
         there = kept_manifest(path, manifest)
         if is_new:
-            return
+            return False
         checked(Manifest, there, f"{path} is damaged")
         before, now = without_places(there), without_places(manifest)
         if other := other_run(grown(before, now), now):
             raise ValueError(f"{self.path} holds {other}; name another folder, or remove this one")
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
-            raise ValueError(f"{self.path} holds a run of {objects[0]}: nobody can tell whether it is the same object")
+            told = f"{objects[0]} is an object, and nobody can tell whether it is the same as in another run"
+            raise ValueError(f"{self.path} holds an earlier run: {told}")
         for entry in self._plan.scenarios:
             if nameless := [key for key, digest in own_code(entry.scenario).items() if not digest]:
-                raise ValueError(
-                    f"{self.path} holds a run with {nameless[0]}, which is written in no file: nobody can tell whether it is "
-                    "the same function"
+                told = (
+                    f"{nameless[0]} is written in no file, and nobody can tell whether it is the same as in another run"
                 )
-        if before != now:
-            write_manifest(path, manifest)
+                raise ValueError(f"{self.path} holds an earlier run: {told}")
+        return before != now
 
     def _read_lengths(self) -> _Lines[tuple[World, list[float]]]:
         lines = _Lines(self.path / LENGTHS, self._length_of)

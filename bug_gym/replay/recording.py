@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.drawing.parts import from_odometry, label_place
+from bug_gym.drawing.parts import from_odometry, label_place, outlines_of
 from bug_gym.policy import Drawing
 from bug_gym.replay.packing import CENTI, MILLI, changes, packed, runs, whole
 from bug_gym.replay.page import framed, page_of
@@ -84,6 +84,7 @@ class Recorder:
         self._came: dict[tuple[Any, ...], int] = {}
         self._shown: list[list[int]] = []
         self._recorded = (-1, -1, -1)
+        self._standing: tuple[bytes, ...] = ()
 
     def record(self, drawings: Drawing | Sequence[Drawing | None] | None = None, *, note: str = "") -> None:
         """Add the row as it is now.
@@ -101,9 +102,11 @@ class Recorder:
         if world.wall_count[row] == 0:
             raise ValueError(f"row {row} holds no world yet: reset the simulation before recording")
         present = (int(world.seed[row]), int(world.episode[row]), int(world.steps[row]))
+        standing = outlines_of(world, row)
         if not self._still:
+            self._standing = standing
             self._begin()
-        elif present[:2] != self._recorded[:2] or present[2] < self._recorded[2]:
+        elif present[:2] != self._recorded[:2] or present[2] < self._recorded[2] or standing != self._standing:
             raise ValueError(f"row {row} has begun another episode: a Recorder takes down one, make one for each")
         self._recorded = present
         frame = {

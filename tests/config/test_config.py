@@ -37,6 +37,7 @@ from bug_gym.config import (
     UTrapWorld,
     checked,
     dump,
+    from_folder,
     load,
     scenario_names,
     to_yaml,
@@ -694,6 +695,14 @@ def test_a_path_in_a_file_starts_beside_it(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     path = dump(load("scenarios/mine.yaml"))["world"]["path"]
     assert Path(path) == tmp_path / "scenarios" / BARN_FILE
+
+
+def test_nobodys_home_in_a_file_is_told_of(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("world: {family: barn, path: ~nobody-at-all/worlds.jsonl}\n")
+    with pytest.raises(ScenarioError, match="~nobody-at-all/worlds.jsonl: "):
+        load(tmp_path / "mine.yaml")
+    with pytest.raises(ScenarioError, match="~nobody-at-all/mine.yaml: "):
+        from_folder("~nobody-at-all/mine.yaml", tmp_path)
 
 
 def test_a_path_in_a_mapping_starts_in_the_working_directory(folder: Path) -> None:

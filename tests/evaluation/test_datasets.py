@@ -34,7 +34,7 @@ TRAINING = {"algo": "bc", "scenarios": ["dynamic"], "overrides": SHORT}
 
 
 def settings_of(policies: list[str], **changes: Any) -> Any:
-    return load_settings({**TRAINING, "data": {"policies": policies, "episodes": len(SEEDS)}, **changes})
+    return load_settings({**TRAINING, "data": {"policies": policies, "episodes": len(SEEDS)}, **changes}, trust=True)
 
 
 @pytest.fixture(scope="module")

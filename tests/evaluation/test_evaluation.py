@@ -553,6 +553,7 @@ def test_a_suite_says_scenarios_overrides_labels_seeds_and_policies(tmp_path: Pa
     [
         "{world: {family: far.py:Far}}",
         '{world: {family: empty}, reward_terms: {path: "far.py:near"}}',
+        '{world: {family: empty}, reward_terms: {function: "far.py:near"}}',
         '{world: {family: empty}, reward_terms: {near: {function: "far.py:near"}}}',
         'empty, overrides: {reward_terms.near: "far.py:near"}',
         'empty, overrides: {observation_fields.x: {function: "far.py:near", low: 0, high: 1}}',
@@ -731,6 +732,17 @@ def test_a_folder_grows_by_seeds_and_policies_and_has_what_a_new_one_would(tmp_p
         evaluate("bug0", "static", episodes=3, seed=4, out=grown)
 
 
+def test_a_damaged_folder_does_not_grow(tmp_path: Path) -> None:
+    evaluate("bug0", "static", episodes=1, out=tmp_path)
+    manifest = (tmp_path / "manifest.json").read_bytes()
+    with (tmp_path / "rows.jsonl").open("ab") as file:
+        file.write(b"{}\n")
+    with pytest.raises(ValueError, match="line 2"):
+        evaluate(["bug0", "bug2"], "static", episodes=2, out=tmp_path)
+    assert (tmp_path / "manifest.json").read_bytes() == manifest
+    assert len(evaluate("bug0", "static", episodes=1, out=tmp_path, repair=True)) == 1
+
+
 def test_a_folder_grows_by_scenarios(tmp_path: Path) -> None:
     suite: dict[str, Any] = {"name": "growing", "seeds": {"count": 2}, "scenarios": ["static"]}
     evaluate("bug0", suite, out=tmp_path)
@@ -740,7 +752,7 @@ def test_a_folder_grows_by_scenarios(tmp_path: Path) -> None:
 
 def test_a_policy_object_does_not_go_on_with_the_rows_of_another(tmp_path: Path) -> None:
     evaluate(Recurrent(), OPEN, episodes=1, out=tmp_path)
-    with pytest.raises(ValueError, match="a run of Recurrent"):
+    with pytest.raises(ValueError, match="Recurrent is an object"):
         evaluate(Recurrent(), OPEN, episodes=1, out=tmp_path)
 
 

@@ -144,6 +144,18 @@ def test_a_second_episode_needs_a_recorder_of_its_own(seeds: list[int] | None) -
     assert recorder.episode().frames == 3
 
 
+def test_a_world_that_is_put_in_the_place_of_another_needs_a_recorder_of_its_own() -> None:
+    simulation, other = Simulation("static"), Simulation("static")
+    simulation.reset(seeds=[4])
+    other.reset(seeds=[5])
+    recorder = Recorder(simulation)
+    for _ in range(2):
+        recorder.record()
+    simulation.place([other.world.layout(0)])
+    with pytest.raises(ValueError, match="begun another episode"):
+        recorder.record()
+
+
 def test_a_policy_is_replayed_to_its_end_with_its_states_and_its_drawing() -> None:
     episode = record_episode("bug2", "disc", every=7)
     data = unpacked(episode.packed)

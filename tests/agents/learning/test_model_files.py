@@ -310,6 +310,11 @@ def test_a_scenario_whose_file_has_changed_since_makes_another_training(key: str
     with pytest.raises(ValueError, match=f"model is of another training: {key} has changed since"):
         train_seeds(asked(), out, threads=1)
     assert files_in(out) == before
+    config = json.loads((out / CONFIG).read_text(encoding="utf-8"))
+    del config["made_of"]
+    (out / CONFIG).write_text(json.dumps(config), encoding="utf-8")
+    with pytest.raises(ValueError, match="nobody can tell whether scenarios.0 has changed since"):
+        train_seeds(asked(), out, threads=1)
     (out / CONFIG).unlink()
     with pytest.raises(ValueError, match=rf"checkpoint.pt is of another training: {key} was"):
         train(asked(), out, threads=1, tensorboard=False)

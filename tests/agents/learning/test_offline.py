@@ -744,6 +744,15 @@ def test_a_setting_that_cannot_be_is_refused(changes: dict[str, Any], said: str)
         tiny("iql", **changes)
 
 
+@pytest.mark.parametrize("policy", ["mine.py:Mine", "mine:Mine:turn=left", "model.zip:trust=true"])
+@pytest.mark.parametrize("algo", ["bc", "iql", "td3_bc", "dagger"])
+def test_a_training_grants_no_trust_to_the_policies_that_it_names(algo: str, policy: str) -> None:
+    own = {"expert": policy} if algo == "dagger" else {"data": {"policies": ["bug2", policy], "episodes": 3}}
+    with pytest.raises(ScenarioError, match=f"policy '{policy}': to ask it runs its code: .*--trust"):
+        tiny(algo, **own)
+    load_settings({"algo": algo, **TINY, **own}, trust=True)
+
+
 @pytest.mark.parametrize(("algo", "episodes"), [("bc", None), ("dagger", hand_made())])
 def test_a_training_without_what_it_learns_from_is_refused(algo: str, episodes: Any, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=f"{algo}: expected"):

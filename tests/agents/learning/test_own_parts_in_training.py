@@ -204,6 +204,32 @@ def test_what_a_training_or_a_sweep_names_lies_beside_it(files: Path, monkeypatc
         ]
 
 
+def test_what_a_sweep_changes_lies_beside_it(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (files / "mine.yaml").rename(files / "other.yaml")
+    elsewhere = files / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    text = (
+        "training: ppo_rush\noverrides: {scenarios: [other.yaml], curriculum: [{scenarios: [other.yaml]}]}\n"
+        "space: {overrides.reward_terms.more: [rewards.py:near, rewards.py:last]}\n"
+    )
+    (files / "sweep.yaml").write_text(text, encoding="utf-8")
+    sweep = load_sweep("../sweep.yaml", trust=True)
+    for function in sweep.grid["overrides.reward_terms.more"]:
+        trained = sweep.trained_with({"overrides.reward_terms.more": function})
+        assert [{*scenario.reward_terms} for (scenario,) in trained.worlds.values()] == [{"near", "more"}] * 2
+
+
+def test_a_sweep_asks_for_trust_for_the_code_of_stages_too(files: Path) -> None:
+    (files / "bare.yaml").write_text("world: {family: field}\n", encoding="utf-8")
+    stages = "curriculum: [{overrides: {reward_terms.more: rewards.py:near}}]\n"
+    (files / "training.yaml").write_text(TRAINING.replace("SCENARIO", "bare.yaml") + stages, encoding="utf-8")
+    (files / "sweep.yaml").write_text("training: training.yaml\nspace: {gamma: [0.9]}\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="trust"):
+        load_sweep(files / "sweep.yaml")
+    load_sweep(files / "sweep.yaml", trust=True)
+
+
 def test_a_sweep_runs_functions_where_it_is_trusted(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (files / "sweep.yaml").write_text("training: training.yaml\nspace: {gamma: [0.9]}\n", encoding="utf-8")
     command = ["sweep", str(files / "sweep.yaml"), "--out", str(files / "swept")]

@@ -418,6 +418,13 @@ def test_the_command_on_a_card_trusts_what_names_code(
     assert command(record) == f"bug-gym train mine.yaml{' --trust' * trusts}"
 
 
+def test_so_it_does_of_an_expert_that_is_code() -> None:
+    for expert, trusts in (("bug2:turn=left", ""), ("mine:Mine:turn=left", " --trust")):
+        settings = {"scenarios": ["rush"], "overrides": {}, "expert": expert}
+        record = {"name": "mine", "scenarios": [{}], "settings": settings, "runs": {"0": {}}}
+        assert command(record) == f"bug-gym train mine.yaml{trusts}"
+
+
 @pytest.mark.parametrize(
     ("changes", "own"),
     [
