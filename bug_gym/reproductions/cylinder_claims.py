@@ -34,6 +34,8 @@ SHUT_EACH = 4
 """One world in so many has no way."""
 DRIVEN = ("holonomic", "jackal")
 """Robots of the reproduction `barn`, with its clearances."""
+PAIR = {"robots.count": 2, "mission": "first"}
+"""What is changed in the worlds for a team."""
 POLICIES = (
     *("bug1", "bug2", "com1", "class1", "alg1", "alg2", "dist_bug", "tangent_bug", "vis_bug_21", "vis_bug_22", "rev1"),
     *("bug0", "bug0_plus", "rev2", "rev3", "apf_wall_following", "hd_bug_map", "hd_bug", "point_bug", "k_bug", "e_bug"),
@@ -94,7 +96,7 @@ def answers(policy: str, robot: str, seeds: Sequence[int]) -> list[Answer]:
 def mission(team: str, robot: str, seed: int) -> Answer:
     """What two robots of a team make of a world: one arrives, or both have given up; the claim of either is the team's."""
     shut = is_shut(seed)
-    world = load(scenario(robot, shut=shut), {"robots.count": 2})
+    world = load(scenario(robot, shut=shut), PAIR)
     steps = round(world.time.limit / world.time.step)
     run = run_team(team, dump(world), seed=seed, max_steps=steps, **parameters(team, robot))
     verdict = "unreachable" if "unreachable" in run.verdicts else ", ".join(sorted({*run.verdicts} - {""}))
@@ -164,7 +166,10 @@ def reproduce(settings: Settings) -> Reproduction:
     title = f"Ways and no ways among thin cylinders in {seeds} worlds"
     worlds = {(robot, shut): scenario(robot, shut=shut) for robot in DRIVEN for shut in (False, True)}
     episodes = [
-        as_replayable(one, parameters(one.policy, one.kind), worlds[one.kind, not one.has_way]) for one in found
+        as_replayable(one, parameters(one.policy, one.kind), worlds[one.kind, not one.has_way])._replace(
+            overrides=PAIR if one.policy in team_names() else {}
+        )
+        for one in found
     ]
     notes += not_tried(found)
     return Reproduction("cylinder-claims", [Table(title, header, lines)], notes, data, held(found), episodes=episodes)

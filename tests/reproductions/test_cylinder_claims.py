@@ -1,8 +1,11 @@
 """Claims among thin cylinders: right on the first seeds, and on those that were wrong once."""
 
+from pathlib import Path
+
 import pytest
 
 from bug_gym.agents import team_names
+from bug_gym.cli import main
 from bug_gym.config import load
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.rollout import Rollout
@@ -52,6 +55,14 @@ def test_teams_claim_rightly_and_their_missions_end(team: str) -> None:
     assert result.data["wrong"] == [] and result.holds
     for found in result.data["policies"].values():
         assert (found["with a way"], found["without"], found["wrong claims"]) == (6, 2, 0)
+
+
+def test_missions_of_teams_stand_on_the_page_and_can_be_looked_at(tmp_path: Path) -> None:
+    out = tmp_path / "claims.json"
+    asked = ["--policies", "bug1_pair,bug2", "--seeds", "4", "--out", str(out)]
+    assert main(["reproduce", "cylinder-claims", *asked]) == 0
+    page = out.with_suffix(".html").read_text(encoding="utf-8")
+    assert "bug1_pair" in page and 'id="replay-0"' in page
 
 
 def test_who_got_through_a_narrow_gap_on_the_way_round_its_partner_claims_nothing_in_there() -> None:
