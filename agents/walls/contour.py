@@ -23,6 +23,9 @@ TARGET_MOVED = 0.5
 CLOSER = 0.1
 """How much nearer to the goal than a hit point is nearer, in steps."""
 
+HAIR = 1e-6
+"""More than rounding moves a place that a robot comes back to [m]."""
+
 
 @dataclass(frozen=True)
 class Gate:
@@ -45,16 +48,17 @@ class Gate:
     def is_passed(self, before: Point, after: Point, half_width: float, travel: float) -> bool:
         """Whether the step from `before` to `after` goes through the door in its direction.
 
-        A door that stands right before a corner is passed in the turn: then the direction of travel [rad] of the step
-        before counts.
+        It stands a hair beyond its place, where a step began: who goes to and fro in a pocket begins there again and again,
+        and never before it. A door that stands right before a corner is passed in the turn: then the direction of travel
+        [rad] of the step before counts.
         """
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         x0, y0 = before[0] - self.place[0], before[1] - self.place[1]
         x1, y1 = after[0] - self.place[0], after[1] - self.place[1]
         along0, along1 = cos * x0 + sin * y0, cos * x1 + sin * y1
-        if not along0 < 0.0 <= along1:
+        if not along0 < HAIR <= along1:
             return False
-        share = -along0 / (along1 - along0)
+        share = (HAIR - along0) / (along1 - along0)
         lateral = cos * (y0 + share * (y1 - y0)) - sin * (x0 + share * (x1 - x0))
         return abs(lateral) <= half_width and (
             along1 - along0 > 0.5 * math.dist(before, after) or math.cos(travel - self.heading) > 0.5

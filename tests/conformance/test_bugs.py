@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -359,3 +360,17 @@ def test_who_goes_away_within_that_time_is_waited_for(policy: str) -> None:
     episode = run_episode(policy, between_roofs(8.0), {"lidar.beams": 360})
     assert episode.outcome == "success"
     assert steps_taken(episode)[0] >= 79
+
+
+@pytest.mark.parametrize("policy", BOXED_IN)
+def test_in_a_pocket_of_a_step_they_say_unreachable(policy: str) -> None:
+    """Four posts leave gaps for the body but none at the clearance; to go to and fro between two places is a lap there."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        far, first = rng.uniform(0.56, 0.63), rng.uniform(0.0, 2.0 * math.pi)
+        bearings = first + 0.5 * math.pi * np.arange(4)
+        assert 0.4 < math.sqrt(2.0) * far - 2.0 * 0.2 < 2.0 * 0.3
+        world = {"family": "explicit", "bounds": [-6, -6, 6, 6], "start": [0.0, 0.0, 0.0], "goal": [5.0, 1.0]}
+        world |= {"circles": [[far * math.cos(bearing), far * math.sin(bearing), 0.2] for bearing in bearings]}
+        overrides = {**CLOSED_FORM_SENSORS, "time.limit": 100.0}
+        assert run_episode(policy, {"world": world}, overrides, clearance=0.3).verdict == "unreachable"

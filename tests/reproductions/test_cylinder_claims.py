@@ -78,6 +78,12 @@ def test_a_pair_of_bug1_that_touched_or_never_ended_once_does_neither(robot: str
     assert cylinder_claims.mission("bug1_pair", robot, seed).is_right
 
 
+@pytest.mark.parametrize("team", ["com1_rev3", "bug1_pair"])
+def test_a_robot_in_a_pocket_that_its_partner_closes_gives_up(team: str) -> None:
+    """It had gone to and fro between two places until time was up."""
+    assert cylinder_claims.mission(team, "holonomic", 107).is_right
+
+
 def test_who_drives_neither_robot_is_refused_before_the_work() -> None:
     assert [cylinder_claims.robots_of(name) for name in ("bug2", "a_star")] == [["holonomic", "jackal"]] * 2
     for name, said in {"navigator": "was made for another robot", "buug2": "unknown policy 'buug2'"}.items():
