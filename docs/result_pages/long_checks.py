@@ -127,6 +127,7 @@ def oracle(found: Record) -> Page:
     """The compiled simulation beside slow plain oracles."""
     kinds, made_on = found["kinds"], found["machine"]
     ends = listed(f"{count:,} {end}" for end, count in sorted(found["outcomes"].items()))
+    ways = ("", " of a body that swings", " of a body on an arc")
 
     def hold(*names: str) -> bool:
         return all(kinds[name]["greatest"] <= kinds[name]["bound"] for name in names)
@@ -148,18 +149,19 @@ def oracle(found: Record) -> Page:
         f"after {found['steps']} steps, or where they ended sooner: {ends}. It took {found['seconds'] / 60.0:.0f} minutes of "
         f"one core of {made_on['cpu']}, on which other work ran.\n\n"
         f"A look compares {found['beams']} beams, drawn from all. {found['beams_at_edges']} of them passed an edge within "
-        f"{found['edge']:g} rad and saw the other side of it. A clearance is the smallest so far, after each step. The body "
-        "goes on a chord in a step, as the movers do for it; a circle beside the robot's origin swings, and is stopped by up "
-        "to 2e-5 m too early. A contact is the distance where and when the robot is stopped by something. Within a thing: how "
-        "far a robot is inside what stands as it ends, and how far a mover that minds what stands gets into it on its chord; 0 "
-        "where it does not. Free: between two steps nothing is in a mover's way; reflected: something is. A polygon is "
-        "reflected as the disc about its place that holds it."
+        f"{found['edge']:g} rad and saw the other side of it. A clearance is the smallest so far, after each step. A body "
+        "goes on a chord in a step, as the movers do for it, or on its arc where that may lie more than 3 mm beside the chord; "
+        "on an arc, and where a circle beside the robot's origin swings, it is stopped by up to 2e-5 m too early. A contact is the "
+        "distance where and when the robot is stopped by something. Within a thing: how far a robot is inside what stands as it "
+        "ends, and how far a mover that minds what stands gets into it on its chord; 0 where it does not. Free: between two "
+        "steps nothing is in a mover's way; reflected: something is. A polygon is reflected as the disc about its place that "
+        "holds it."
         + "".join(f"\n\nBroken: {told}" for told in found["first_broken"]),
         [
             ("ranges are shapely's and the closed form's", hold("range")),
             (
                 "so are clearances on the way from step to step, and where a robot is stopped by something it touches it",
-                hold(*(f"{kind}{of}" for kind in ("clearance", "contact") for of in ("", " of a body that swings"))),
+                hold(*(f"{kind}{of}" for kind in ("clearance", "contact") for of in ways)),
             ),
             (
                 "no robot ends in what stands; on their way no movers get into it, nor discs of a crowd into one another",
