@@ -150,12 +150,12 @@ def oracle(found: Record) -> Page:
         f"one core of {made_on['cpu']}, on which other work ran.\n\n"
         f"A look compares {found['beams']} beams, drawn from all. {found['beams_at_edges']} of them passed an edge within "
         f"{found['edge']:g} rad and saw the other side of it. A clearance is the smallest so far, after each step. A body "
-        "goes on a chord in a step, as the movers do for it, or on its arc where that may lie more than 3 mm beside the chord; "
-        "on an arc, and where a circle beside the robot's origin swings, it is stopped by up to 2e-5 m too early. A contact is the "
-        "distance where and when the robot is stopped by something. Within a thing: how far a robot is inside what stands as it "
-        "ends, and how far a mover that minds what stands gets into it on its chord; 0 where it does not. Free: between two "
-        "steps nothing is in a mover's way; reflected: something is. A polygon is reflected as the disc about its place that "
-        "holds it."
+        "goes on a chord in a step, as the movers do for it, or on its arc where that may lie more than 3 mm beside the "
+        "chord; on an arc, and where a circle beside the robot's origin swings, it is stopped by up to 2e-5 m too early. "
+        "A contact is the distance where and when the robot is stopped by something. Within a thing: how far a robot is "
+        "inside what stands as it ends, and how far a mover that minds what stands gets into it on its chord; 0 where it "
+        "does not. Free: between two steps nothing is in a mover's way; reflected: something is. A polygon is reflected "
+        "as the disc about its place that holds it."
         + "".join(f"\n\nBroken: {told}" for told in found["first_broken"]),
         [
             ("ranges are shapely's and the closed form's", hold("range")),
