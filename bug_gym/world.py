@@ -741,7 +741,11 @@ class _Reader:
         return Mover(outline, motion.place(0.0) if isinstance(motion, Replay) else self.place(body), motion)
 
     def motion(self, body: int) -> Motion:
-        """Motion of a body from now on."""
+        """Motion of a body from now on.
+
+        Nothing is checked anew: a reflection may turn a velocity so that one of its parts is above what a scenario may say,
+        and times of records lie nearer to one another by the rounding of the clock.
+        """
         a = self.arrays
         law, speed = a["body_law"][body], float(a["body_speed"][body])
         if law == kernels.WAYPOINTS:
@@ -749,23 +753,26 @@ class _Reader:
             loops = bool(a["way_loops"][body])
             # The way-points still to come: all of them in turn where the body goes round.
             points = points[done:] + points[:done] if loops else points[done:] or points[-1:]
-            return Waypoints(law="waypoints", points=tuple(points), speed=speed, stop=not loops)
+            return Waypoints.model_construct(law="waypoints", points=tuple(points), speed=speed, stop=not loops)
         if law == kernels.RANDOM_WALK:
             low, high = float(a["leg_min"][body]), float(a["leg_max"][body])
-            return RandomWalk(law="random_walk", speed=speed, min_leg=low, max_leg=high)
+            return RandomWalk.model_construct(law="random_walk", speed=speed, min_leg=low, max_leg=high)
         if law == kernels.CROWD:
             points, done = self._points(body), int(a["way_next"][body])
             goals = (*points[done:], *points[:done]) or None
-            return Crowd(law="crowd", speed=speed, horizon=float(a["body_foresight"][body]), goals=goals)
+            horizon = float(a["body_foresight"][body])
+            return Crowd.model_construct(law="crowd", speed=speed, horizon=horizon, goals=goals)
         if law == kernels.EVADE:
             sight, wander = float(a["body_foresight"][body]), float(a["body_calm"][body])
-            return Evade(law="evade", speed=speed, sight=sight, wander=wander)
+            return Evade.model_construct(law="evade", speed=speed, sight=sight, wander=wander)
         if law == kernels.REPLAY:
             first, points, done = int(a["way_first"][body]), self._points(body), int(a["way_next"][body])
             times = a["way_time"][first : first + len(points)] - a["time"][0]
+            times[np.abs(times) <= kernels.SAME_INSTANT] = 0.0  # now, as the kernels take it, so that the body is there
             records = [(time, *point) for time, point in zip(times.tolist(), points, strict=True)]
-            return Replay(law="replay", points=tuple(records[done:]))
-        return Bounce(law="bounce", velocity=(float(a["body_vx"][body]), float(a["body_vy"][body])))
+            return Replay.model_construct(law="replay", points=tuple(records[done:]))
+        velocity = float(a["body_vx"][body]), float(a["body_vy"][body])
+        return Bounce.model_construct(law="bounce", velocity=velocity)
 
     def _points(self, body: int) -> list[tuple[float, float]]:
         first, count = int(self.arrays["way_first"][body]), int(self.arrays["way_count"][body])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from bug_gym.config import Bounce, RandomWalk, Scenario, Waypoints, load
+from bug_gym.limits import FAST
 from bug_gym.scenarios import draw_layout
 from bug_gym.simulation import Simulation
 from bug_gym.world import Capacity, World, beam_angles
@@ -430,6 +431,27 @@ def test_a_layout_read_in_mid_episode_continues_as_the_episode_does() -> None:
         assert np.array([mover.at for mover in resumed.world.layout(0).movers]) == pytest.approx(
             np.array(expected), abs=1e-9
         )
+
+
+@pytest.mark.parametrize("velocity", [[8000.0, 7000.0], [10_000.0, 0.0]])
+def test_a_layout_is_read_where_a_reflection_has_made_a_part_of_a_velocity_more_than_a_scenario_may_say(
+    velocity: list[float],
+) -> None:
+    """At slanted walls a part of a velocity grows up to the speed, and by rounding beyond: the speed stays what it was."""
+    wedges = [[[3, -3], [6, 0], [6, -3]], [[-3, 3], [-6, 1], [-6, 3]]]
+    simulation = Simulation(
+        movers_scenario([circle([0.0, 0.0], 0.2, law="bounce", velocity=velocity)], polygons=wedges)
+    )
+    simulation.reset(seeds=[0])
+    greatest = 0.0
+    for _ in range(50):
+        simulation.step([[[0.0, 0.0]]])
+        [mover] = simulation.world.layout(0).movers
+        assert isinstance(mover.motion, Bounce) and mover.motion.velocity is not None
+        assert mover.motion.velocity == tuple(simulation.world.disc_velocity[0, 0])
+        assert math.hypot(*mover.motion.velocity) == pytest.approx(math.hypot(*velocity), rel=1e-9)
+        greatest = max(greatest, *map(abs, mover.motion.velocity))
+    assert greatest > FAST
 
 
 def test_a_circle_given_as_a_whole_number_is_a_circle() -> None:

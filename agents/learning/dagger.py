@@ -42,8 +42,10 @@ def make_expert(name: str, scenario: Scenario, *, discrete: bool = False) -> Scr
         discrete: whether it answers with numbers of discrete actions.
 
     Raises:
-        ValueError: no such policy, a learned one, or one that reads the map.
+        ValueError: several robots, no such policy, a learned one, or one that reads the map.
     """
+    if scenario.robots.count != 1:
+        raise ValueError(f"an expert is asked about one robot, {scenario.name} has {scenario.robots.count}")
     expert = make_policy(name, NavigationEnv(scenario, action="discrete") if discrete else scenario)
     if not isinstance(expert, ScriptedPolicy) or expert.privileged:
         raise ValueError(f"expert: expected a scripted policy that does not read the map, got {shortened(name)}")

@@ -40,7 +40,7 @@ def told_when_diverged(settings: AnySettings, seed: int, steps: Callable[[], int
     try:
         yield
     except (ValueError, NotFiniteError) as error:
-        if not isinstance(error, NotFiniteError) and not _is_of_torch(error):
+        if not tells_divergence(error):
             raise
         what = f"{settings.name} ({settings.algo}, seed {seed})"
         when = f"after {steps():,} of {settings.n_timesteps:,} steps"
@@ -48,8 +48,10 @@ def told_when_diverged(settings: AnySettings, seed: int, steps: Callable[[], int
         raise ValueError(f"{what} has diverged {when}: {why}") from error
 
 
-def _is_of_torch(error: ValueError) -> bool:
-    """Whether torch has raised an error, as its distributions do about parameters that are none."""
+def tells_divergence(error: ValueError | NotFiniteError) -> bool:
+    """Whether an error is about numbers that are none: ours, or one of torch's distributions about their parameters."""
+    if isinstance(error, NotFiniteError):
+        return True
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
         frame = frame.tb_next

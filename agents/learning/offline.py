@@ -41,10 +41,10 @@ from bug_gym.agents.learning.shown import VALIDATING, reported
 from bug_gym.agents.learning.so_far import BestSoFar, keep_earlier_curve
 from bug_gym.agents.learning.td3_bc import TD3BC
 from bug_gym.agents.learning.training import (
-    SEED_BLOCK,
     InTraining,
     begin_with,
     each_seed,
+    first_world,
     kept_when_stopped,
     make_training_env,
     network_arguments,
@@ -55,7 +55,6 @@ from bug_gym.agents.learning.training import (
 )
 from bug_gym.checks import checked_count
 from bug_gym.files import out_path
-from bug_gym.held_out import TRAINING_SEEDS
 from bug_gym.kinematics import discrete_actions
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
 from bug_gym.policy import ScriptedPolicy
@@ -335,7 +334,7 @@ def _ask_expert(settings: DaggerSettings, driver: ActorCriticPolicy, samples: Sa
     """A round of DAgger, in worlds that no other round sees; in the first the expert drives."""
     (scenario,) = settings.loaded
     count = settings.episodes_per_round
-    first = TRAINING_SEEDS + seed * SEED_BLOCK + number * count
+    first = first_world(seed) + number * count
     learner = InTraining(driver, robot_of([scenario]), settings.history) if number else None
     samples.add(ask(_expert_of(settings), learner, scenario, range(first, first + count), settings.n_envs))
 

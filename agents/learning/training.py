@@ -61,7 +61,7 @@ from bug_gym.checks import checked_count, checked_seed, checked_time, shortened
 from bug_gym.config import Scenario
 from bug_gym.files import one_writer, out_path
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
-from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
+from bug_gym.limits import MOST_EPISODES, MOST_TRAININGS, MOST_WORKERS
 from bug_gym.log import warn_once
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
@@ -73,6 +73,20 @@ SEED_BLOCK = 2**20
 # ---------------------------------------------------------------------------------------------------------------------
 # The parts of a training
 # ---------------------------------------------------------------------------------------------------------------------
+
+
+def first_world(seed: int) -> int:
+    """Seed of the first of a training's worlds, of which it has SEED_BLOCK.
+
+    Raises:
+        ValueError: some of them are no seeds, or those of worlds that models are chosen by.
+    """
+    first = TRAINING_SEEDS + checked_seed(seed) * SEED_BLOCK
+    if first + SEED_BLOCK > 2**63:
+        raise ValueError(f"a training's seed is at most {(2**63 - TRAINING_SEEDS) // SEED_BLOCK - 1}, got {seed}")
+    if first < VALIDATION_SEEDS + MOST_EPISODES and first + SEED_BLOCK > VALIDATION_SEEDS:
+        raise ValueError(f"seed {seed}: the worlds of its training would be those of validations, give another one")
+    return first
 
 
 def robot_of(scenarios: Sequence[Scenario]) -> RobotModel:
@@ -112,7 +126,7 @@ def make_training_env(settings: AnySettings, seed: int) -> TrainingEnv:
         robot = robot_of(scenarios)
         joined = join(scenarios, settings.n_envs, settings.action)
     env = HistoryVecEnv(joined, robot, settings.history) if settings.history else joined
-    env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)
+    env.seed(first_world(seed))
     return env
 
 
@@ -158,7 +172,7 @@ def make_model(settings: AnySettings, env: TrainingEnv, seed: int) -> BaseAlgori
         model = _off_policy_model(settings, {**same, "policy_kwargs": policy_kwargs})
     else:
         raise ValueError(f"{settings.algo} is no algorithm of stable-baselines3: it learns offline")
-    env.seed(TRAINING_SEEDS + seed * SEED_BLOCK)  # SB3 has just seeded it as it seeds itself
+    env.seed(first_world(seed))  # SB3 has just seeded it as it seeds itself
     return model
 
 
@@ -439,6 +453,7 @@ def train_in_folder(
         ValueError: as `train` has it.
     """
     seed = checked_seed(seed)
+    first_world(seed)
     if minutes is not None:
         checked_time("minutes", minutes)
     begun = None if settings.start_from is None else model_folder(settings.start_from)
@@ -770,6 +785,8 @@ def each_seed(
         one: trains one, of settings and folder and `seed`.
     """
     checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
+    for seed in seeds:
+        first_world(seed)  # the last one is found out before the first is trained
     whole = out_path(out)
     folders = folders_of(whole, seeds)
     if len(seeds) > 1:

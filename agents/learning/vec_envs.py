@@ -50,7 +50,9 @@ class JoinedVecEnv(ArrayVecEnv):
         return self._seeds
 
     def reset(self) -> F32:
-        """Start an episode in each row."""
+        """Start an episode in each row; `reset_infos` tell what `set_options` asked for."""
+        for part, end in zip(self.parts, self._ends.tolist(), strict=True):
+            part.set_options(self._options[end - part.num_envs : end])
         observations = [part.reset() for part in self.parts]
         self.reset_infos = [info for part in self.parts for info in part.reset_infos]
         self._reset_seeds()
@@ -144,7 +146,8 @@ class CurriculumVecEnv(ArrayVecEnv):
         return self._seeds
 
     def reset(self) -> F32:
-        """Start an episode in each row."""
+        """Start an episode in each row; `reset_infos` tell what `set_options` asked for."""
+        self.inner.set_options(self._options)
         observation: F32 = self.inner.reset()
         self.reset_infos = self.inner.reset_infos
         self._reset_seeds()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +18,7 @@ from bug_gym.agents.prediction.features import HORIZONS, WIDTH, errors_of
 from bug_gym.agents.prediction.learned import CONFIG, GRAPH, WEIGHTS
 from bug_gym.agents.prediction.network import Answering, Curve, validation_errors
 from bug_gym.agents.prediction.samples import Samples
-from bug_gym.agents.prediction.settings import PredictorSettings
+from bug_gym.agents.prediction.settings import ON_COMMAND_LINE, THREADS, PredictorSettings
 from bug_gym.files import replaced_when_done
 
 HOW = {
@@ -83,12 +84,30 @@ def judged(model: nn.Module, samples: Samples) -> dict[str, Any]:
     }
 
 
+def _made_again(record: Mapping[str, Any]) -> str:
+    """How to train it again: the command with all that it has of its own, where a command says all of it."""
+    told = {key: None if value is None else str(value) for key, value in record["settings"].items()}
+    usual = {key: None if value is None else str(value) for key, value in asdict(PredictorSettings("ppo")).items()}
+    usual["hidden"] = str(list(PredictorSettings.hidden))
+    told["hidden"] = str(list(record["settings"]["hidden"]))
+    own = [key for key, value in usual.items() if key != "kind" and told.get(key, value) != value]
+    taken_over = ["hidden"] if told["start_from"] else []  # the layers are those of the model that it begins with
+    if set(own) - {*ON_COMMAND_LINE, *taken_over}:
+        return f"Made by `bug_gym.agents.prediction.training.train`, with the settings in {CONFIG}"
+    words = ["python", "-m", "bug_gym.agents.prediction.training", str(told["kind"])]
+    for key in ON_COMMAND_LINE:
+        words += [f"--{key.replace('_', '-')}", str(told[key])] if key in own else []
+    words += ["--seeds", str(1 + len(record["repeats"]))] if record["repeats"] else []
+    threads = record["machine"]["threads"]  # the last bits depend on them
+    words += ["--threads", str(threads)] if threads != THREADS else []
+    return f"Made again by `{shlex.join([*words, '--out', 'FOLDER'])}`"
+
+
 def card(name: str, record: dict[str, Any]) -> str:
     """What people want to know of a predictor, as Markdown."""
     last, settings, made_on = record["curve"][-1], record["settings"], record["machine"]
     count, tried = record["samples"], last["samples"]
     begun = f", begun from {Path(settings['start_from']).name}" if settings["start_from"] else ""
-    seeds = f" --seeds {1 + len(record['repeats'])}" if record["repeats"] else ""
     each = "" if settings["kind"] == "supervised" else f", {settings['tries']} answers to each"
     columns = " | ".join(f"{horizon:g} s" for horizon in record["horizons"])
     rule = "|---" * (1 + len(record["horizons"])) + "|"
@@ -101,7 +120,7 @@ def card(name: str, record: dict[str, Any]) -> str:
         f"{', '.join(record['sources'])}; {count['training']:,} and {count['validation']:,} tracks in them",
         f"- {tried:,} samples{each}, in {last['seconds'] / 60:.1f} minutes ({last['cpu_seconds'] / 60:.1f} CPU minutes), "
         f"seed {settings['seed']}, on {made_on['cpu']}, {made_on['threads']} thread(s)",
-        f"- Made again by `python -m bug_gym.agents.prediction.training {settings['kind']}{seeds} --out FOLDER`",
+        f"- {_made_again(record)}",
         "",
     ]
     if record["held_out"]:

@@ -93,7 +93,8 @@ class LearnedPredictor:
     def predict(self, tracks: Tracks, times: F64) -> Prediction:
         """Where the network says that movers go; what doesn't move stays.
 
-        The spread is the error that the network had in its validation, beside that of the place now.
+        The spread is the error that the network had in its validation, beside that of the place now. Beyond the last horizon
+        the mean velocity until then goes on, and so does the error of it.
         """
         moving = np.flatnonzero(tracks.moving)
         places = np.repeat(tracks.position[:, None], len(times), axis=1)
@@ -103,6 +104,7 @@ class LearnedPredictor:
             features = encode(movers, self.sensors.angles, self.sensors.range)
             places[moving] = decode(self.answer(features), movers, times)
             grown = np.interp(times, np.concatenate([[0.0], HORIZONS]), self._errors)
+            grown *= np.maximum(times / HORIZONS[-1], 1.0)
             spread[moving] = np.hypot(spread[moving], grown)
         return Prediction(places, spread)
 

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from bug_gym.agents.learning.diverging import NotFiniteError
 from bug_gym.agents.prediction.features import (
     ANSWERS,
     HORIZONS,
@@ -74,8 +75,14 @@ class Curve:
         self.best_errors: NDArray[np.float64] = np.full(len(HORIZONS), np.inf)
 
     def add(self, step: int) -> None:
-        """Validate after so many samples."""
+        """Validate after so many samples.
+
+        Raises:
+            NotFiniteError: the model answers with numbers that are none.
+        """
         errors = validation_errors(self.model, self.samples)
+        if not np.isfinite(errors).all():
+            raise NotFiniteError(f"after {step:,} samples its errors in validation are {errors.tolist()}")
         cost = float(cost_of(errors[None])[0])
         self.points.append(
             {

@@ -8,9 +8,14 @@ from typing import Literal
 
 from bug_gym.agents.prediction.samples import LAWS, STREET
 from bug_gym.checks import checked_count, checked_seed, checked_time
+from bug_gym.limits import HEAVY
 
 PPO_SEEDS = 2**32
 """Seeds that PPO can have, those of NumPy's generator that stable-baselines3 seeds."""
+THREADS = 2
+"""Of torch, and processes that drive in the worlds, unless the command line says another number."""
+ON_COMMAND_LINE = ("seed", "worlds", "validation_worlds", "test_worlds", "epochs", "rate", "real", "start_from")
+"""Settings that the command line can say."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,8 @@ class PredictorSettings:
         for name in ("worlds", "validation_worlds", "epochs", "batch", "rollout"):
             checked_count(name, getattr(self, name))
         checked_count("test_worlds", self.test_worlds, least=1 if self.real is None else 0)
-        checked_time("rate", self.rate)
+        if checked_time("rate", self.rate) > HEAVY:
+            raise ValueError(f"rate must be at most {HEAVY:g}, got {self.rate}")
         if checked_seed(self.seed) >= PPO_SEEDS and self.kind == "ppo":
             raise ValueError(f"a seed of PPO is below 2**32, got {self.seed}")
         if self.tries < 2 or self.tries % 2:

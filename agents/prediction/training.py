@@ -16,20 +16,22 @@ import argparse
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from bug_gym.agents.learning.diverging import NotFiniteError, tells_divergence
 from bug_gym.agents.learning.models import load_weights
 from bug_gym.agents.prediction.card import write_predictor
 from bug_gym.agents.prediction.descent import train_reinforce, train_supervised
 from bug_gym.agents.prediction.learned import CONFIG, WEIGHTS, read_config
-from bug_gym.agents.prediction.network import Answering, network
+from bug_gym.agents.prediction.network import Answering, Curve, network
 from bug_gym.agents.prediction.ppo import train_ppo
 from bug_gym.agents.prediction.samples import Samples, samples_of, world_of
-from bug_gym.agents.prediction.settings import PredictorSettings
+from bug_gym.agents.prediction.settings import THREADS, PredictorSettings
 from bug_gym.checks import checked_count
 from bug_gym.files import one_writer
 from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
@@ -98,15 +100,34 @@ def train(
         held_out: what it is judged by in the end, by name.
         repeats: other seeds to train with, to see how much depends on the seed; only their curves are kept.
 
+    The model is written before it is trained with other seeds: one of those that is stopped, or fails, costs no model.
+
     Raises:
-        ValueError: as `prepared` has it.
+        ValueError: as `prepared` has it, or a training has diverged.
     """
     settings = prepared(settings, out)
-    model, curve = TRAININGS[settings.kind](settings, training, validation)
-    curves = {seed: TRAININGS[settings.kind](replace(settings, seed=seed), training, validation)[1] for seed in repeats}
+    model, curve = _trained(settings, training, validation)
     counts = len(training.features), len(validation.features)
-    repeated = {seed: one.points for seed, one in curves.items()}
-    write_predictor(out, settings, model, curve, counts, held_out=held_out, repeats=repeated)
+    write = partial(write_predictor, out, settings, model, curve, counts, held_out=held_out)
+    write()
+    if repeats:
+        curves = {seed: _trained(replace(settings, seed=seed), training, validation)[1] for seed in repeats}
+        write(repeats={seed: one.points for seed, one in curves.items()})
+
+
+def _trained(settings: PredictorSettings, training: Samples, validation: Samples) -> tuple[Answering, Curve]:
+    """The model of a training, and its curve.
+
+    Raises:
+        ValueError: it has diverged.
+    """
+    try:
+        return TRAININGS[settings.kind](settings, training, validation)
+    except (ValueError, NotFiniteError) as error:
+        if not tells_divergence(error):
+            raise
+        why = f"its network answers with NaN or infinity; rate is {settings.rate}, try a smaller one"
+        raise ValueError(f"{settings.kind} (seed {settings.seed}) has diverged: {why}") from error
 
 
 def prepared(settings: PredictorSettings, out: Path) -> PredictorSettings:
@@ -155,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rate", type=float, default=PredictorSettings.rate, help="learning rate at first")
     parser.add_argument("--real", type=Path, help="recorded pedestrians (csv) to learn from instead of the laws")
     parser.add_argument("--start-from", type=Path, help="folder of a predictor to train on")
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=THREADS)
     options = vars(parser.parse_args(arguments))
     try:
         _run(**options)

@@ -26,6 +26,8 @@ from bug_gym.scenario_code import data_digest, own_code
 
 COLLECTED = Path("results", "datasets")
 """Folder of the datasets that trainings have had collected: POLICIES-EPISODES-DIGEST, see `_digest`."""
+LONGEST = 200
+"""Bytes of the names of policies in the name of a folder."""
 
 
 def episodes_for(
@@ -61,8 +63,7 @@ def _collected(settings: FromData, scenario: Scenario, root: Path, workers: int,
     """Folder of the dataset that a training's settings tell of; a few policies' each in one of its own."""
     data = settings.data
     entries = [PolicyEntry.of(policy) for policy in data.policies]
-    name = f"{'+'.join(data.policies)}-{data.episodes}-{_digest(scenario, entries)}"
-    place = root / name.replace(":", "_").replace(os.sep, "_")
+    place = root / f"{_name_of(data.policies)}-{data.episodes}-{_digest(scenario, entries)}"
     names = collect(
         scenario,
         entries,
@@ -75,6 +76,15 @@ def _collected(settings: FromData, scenario: Scenario, root: Path, workers: int,
         progress=progress,
     )
     return place / (names[0] if len(entries) == 1 else next(name for name in names if f"/{MIXED}_flat-" in name))
+
+
+def _name_of(policies: Sequence[str]) -> str:
+    """Policies in the name of a folder, which has at most 255 bytes: of many the first ones, and a digest of all of them."""
+    name = "+".join(policies).replace(":", "_").replace(os.sep, "_")
+    if len(name.encode()) <= LONGEST:
+        return name
+    digest = hashlib.sha256(json.dumps(list(policies)).encode()).hexdigest()[:8]
+    return f"{name.encode()[:LONGEST].decode(errors='ignore')}-{digest}"
 
 
 def _digest(scenario: Scenario, entries: Sequence[PolicyEntry]) -> str:

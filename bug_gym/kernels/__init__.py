@@ -36,7 +36,7 @@ from bug_gym.kernels.free_way import (
     scan_points,
 )
 from bug_gym.kernels.ground import REGION_HEAD
-from bug_gym.kernels.laws import AWAY
+from bug_gym.kernels.laws import AWAY, SAME_INSTANT
 from bug_gym.kernels.layout import (
     ACKERMANN,
     ALIGNED,
@@ -145,6 +145,7 @@ __all__ = [
     "RUNNING",
     "Ranges",
     "Record",
+    "SAME_INSTANT",
     "SPEC",
     "ALIGNED",
     "levers",

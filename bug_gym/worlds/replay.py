@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Self
 
@@ -13,6 +14,7 @@ from pydantic import ModelWrapValidatorHandler, model_validator
 from bug_gym.geometry import Point
 from bug_gym.schema.errors import wrong
 from bug_gym.schema.motions import Replay
+from bug_gym.schema.movers import SAME_PLACE
 from bug_gym.schema.robot import Robot
 from bug_gym.schema.values import (
     Box,
@@ -112,7 +114,8 @@ class ReplayWorld(Family):
         present = obstacles_of(np.zeros((0, 3)), (), movers)
         start_free = is_clear(*present, border, crew.robot.reach + CROSSING_ROOM)
         if self.start is None:
-            start, goal = draw_crossing(crew, self, recording.flow(), rng, start_free)
+            just_free = is_clear(*present, border, crew.robot.reach + CROSSING_ROOM - SAME_PLACE)
+            start, goal = draw_crossing(crew, self, recording.flow(), rng, (start_free, just_free))
         else:
             goal_free = is_clear(np.zeros((0, 3)), (), border, crew.robot.reach)
             start, goal = draw_both(crew, self, self.start, self.goal, rng, start_free, goal_free, 0.0)
@@ -127,8 +130,16 @@ def _recording(path: str) -> Recording:
         raise wrong(str(error), "path") from None
 
 
-def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, start_free: Free) -> tuple[Pose, Point]:
+def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, tests: Sequence[Free]) -> tuple[Pose, Point]:
     """A start and a goal at opposite sides of the bounds, straight across a direction of flow [rad].
+
+    Args:
+        crew: who starts.
+        world: whose bounds they are.
+        flow: direction in which most pedestrians walk, one way or the other [rad].
+        rng: draws.
+        tests: whether a start is free; each where none was found by those before it. All starts lie at just the room from
+            the border that the first of them asks for, which rounding may make too little at each place.
 
     Raises:
         ValueError: no free start was found.
@@ -136,15 +147,15 @@ def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, start_f
     xmin, ymin, xmax, ymax = world.bounds
     room = crew.robot.reach + CROSSING_ROOM
     low, high = np.array([xmin + room, ymin + room]), np.array([xmax - room, ymax - room])
-    for _ in range(TRIES):
+    for start_free in itertools.chain.from_iterable(itertools.repeat(test, TRIES) for test in tests):
         heading = flow + float(rng.choice([-0.5, 0.5])) * math.pi
         across = np.array([math.cos(heading), math.sin(heading)])
         middle = rng.uniform(0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
-        with np.errstate(divide="ignore"):
-            ends = np.where(across > 0.0, high - middle, low - middle) / across
-            begins = np.where(across > 0.0, low - middle, high - middle) / across
+        ahead, behind = np.where(across > 0.0, [high - middle, middle - low], [middle - low, high - middle])
+        with np.errstate(divide="ignore"):  # along an axis there is no end in the other one
+            ends, begins = ahead / abs(across), -behind / abs(across)
         start, goal = middle + begins.max() * across, middle + ends.min() * across
         pose = float(start[0]), float(start[1]), heading
         if start_free(*pose[:2]) and has_room_for_all(crew, pose, start_free):
             return pose, (float(goal[0]), float(goal[1]))
-    raise ValueError(f"no free start found among the pedestrians after {TRIES} tries")
+    raise ValueError(f"no free start found among the pedestrians after {len(tests) * TRIES} tries")

@@ -82,6 +82,15 @@ def test_a_dataset_of_other_worlds_is_collected_beside_the_first(tmp_path: Path)
     assert made_at == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.hdf5")}
 
 
+def test_a_dataset_of_many_policies_lies_in_a_folder_whose_name_a_disk_can_hold(tmp_path: Path) -> None:
+    policies = [f"bug2:turn={turn}:clearance=0.4{number:02}" for turn in ("left", "right") for number in range(5)]
+    assert len("+".join(policies)) > 255
+    others = [*policies[:-1], "random"]
+    for number, some in enumerate((policies, others), start=1):
+        found = episodes_for(settings_of(some, data={"policies": some, "episodes": 1}), root=tmp_path)
+        assert len(found.steps) == len(some) and len(list(tmp_path.iterdir())) == number
+
+
 def test_a_dataset_of_a_changed_policy_or_version_is_collected_beside_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

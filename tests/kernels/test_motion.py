@@ -16,6 +16,7 @@ from scipy.optimize import linprog
 
 from bug_gym.config import Crowd, Evade, Replay, ScenarioError, load
 from bug_gym.kernels import avoidance
+from bug_gym.limits import SMALL
 from bug_gym.simulation import Simulation
 from bug_gym.world import Capacity
 from bug_gym.worlds.layout import Layout, Mover
@@ -709,6 +710,40 @@ def test_who_follows_a_record_is_seen_and_hit_only_from_its_first_to_its_last_ti
     simulation = begin(fast)
     watch(simulation, 15, action=(1.0, 0.0))
     assert simulation.info()["outcome"][0, 0] == "running"
+
+
+@pytest.mark.parametrize("end", ["first", "last"])
+def test_a_layout_has_who_follows_a_record_where_the_scan_sees_him_also_in_the_step_that_a_record_names(
+    end: str,
+) -> None:
+    """Three steps of 0.1 s end at 0.30000000000000004 s, which is the 0.3 s of a record; so do others."""
+    records = [[[0.0, 1.0, 0.0], [step / 10, 1.0, 0.0]] for step in range(1, 30)]
+    if end == "first":
+        records = [[[last[0], 1.0, 0.0], [9.0, 1.0, 0.0]] for _, last in records]
+    for number, points in enumerate(records, start=1):
+        simulation = begin(
+            scenario([follower(points)], lidar={"beams": 1, "range": 5.0}, world={"start": [0.0, 0.0, 0.0]})
+        )
+        for steps in range(number + 2):
+            is_due = steps <= number if end == "last" else steps >= number
+            [mover] = simulation.world.layout(0).movers
+            assert (simulation.world.ranges[0, 0, 0] < 5.0, mover.is_there) == (is_due, is_due), (points, steps)
+            simulation.advance(np.zeros((1, 1, 2)))
+
+
+def test_a_layout_has_records_that_lie_as_near_to_one_another_as_they_may() -> None:
+    """What the clock has gone on is taken off their times, which rounds."""
+    for second in np.linspace(1.0, 8.0, 50):
+        third = second + SMALL
+        third = third if third - second >= SMALL else np.nextafter(third, np.inf)
+        points = [[-1.0, 0.0, 0.0], [float(second), 1.0, 1.0], [float(third), 1.0, 2.0]]
+        simulation = begin(scenario([follower(points)]))
+        for _ in range(9):
+            simulation.advance(np.zeros((1, 1, 2)))
+            [mover] = simulation.world.layout(0).movers
+            assert isinstance(mover.motion, Replay)
+            times = [time for time, _, _ in mover.motion.points]
+            assert times == pytest.approx([time - simulation.world.time[0] for time, _, _ in points], abs=1e-12)
 
 
 def test_who_comes_in_where_a_robot_stands_touches_it_only_when_he_moves_at_it() -> None:

@@ -551,6 +551,11 @@ def test_an_expert_that_cannot_be_asked_is_refused(expert: str, said: str, tmp_p
     assert not (tmp_path / "model").exists()
 
 
+def test_an_expert_is_asked_about_one_robot() -> None:
+    with pytest.raises(ValueError, match="an expert is asked about one robot, dynamic has 2"):
+        make_expert("bug2", load(SCENARIO, {"robots.count": 2}))
+
+
 # ----------------------------------------------------------------------------------------------- trainings and folders
 
 

@@ -30,6 +30,19 @@ def test_a_shipped_predictor_is_small(kind: str) -> None:
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 2**20
 
 
+@pytest.mark.parametrize("name", ["rl", "supervised"])
+def test_beyond_the_last_horizon_the_error_of_the_mean_velocity_goes_on(name: str) -> None:
+    scenario = law_world("crowd", VALIDATION_SEEDS)
+    tracks = next(moments(scenario, VALIDATION_SEEDS, every=5)).tracks
+    times = HORIZONS[-1] * np.array([0.0, 1.0, 2.0, 3.0])
+    places, spread = make_predictor(name, Sensors.of(scenario)).predict(tracks, times)
+    ways = places - places[:, :1]
+    assert np.allclose(ways[:, 2], 2.0 * ways[:, 1]) and np.allclose(ways[:, 3], 3.0 * ways[:, 1])
+    grown = np.sqrt(spread**2 - spread[:, :1] ** 2)  # beside the error of the place now
+    assert (grown[:, 1] > 0.0).all()
+    assert np.allclose(grown[:, 2:], grown[:, 1:2] * [2.0, 3.0])
+
+
 @pytest.mark.parametrize("kind", SHIPPED)
 @pytest.mark.parametrize("law", ["random_walk", "evade"])
 def test_a_shipped_predictor_knows_better_than_the_filter_where_movers_turn(kind: str, law: str) -> None:

@@ -277,6 +277,7 @@ COMMAND = ["supervised", "--worlds", "1", "--validation-worlds", "1", "--test-wo
         (["--seed", str(2**63 - 2), "--seeds", "3"], f"got {2**63}"),
         (["--rate", "-1"], "rate must be a number above 0, got -1.0"),
         (["--rate", "nan"], "rate must be a number above 0, got nan"),
+        (["--rate", "1e38"], "rate must be at most 1e+09, got 1e+38"),
         (["--worlds", "0"], "worlds must be at least 1, got 0"),
         (["--validation-worlds", "0"], "validation_worlds must be at least 1, got 0"),
         (["--test-worlds", "0"], "test_worlds must be at least 1, got 0"),
