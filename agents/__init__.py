@@ -7,7 +7,6 @@ AGENTS; the tests that run over the table cover it then. Policies from outside n
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -19,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+from bug_gym.agents.model_places import model_digest
 from bug_gym.agents.outside import (
     GROUP,
     Spec,
@@ -291,31 +291,6 @@ def outside_reference(name: str) -> str:
         return from_anywhere(name)
     lines = _installed() | REGISTERED
     return lines[name].entry_point if name in lines else ""
-
-
-def model_digest(place: str) -> str:
-    """Digest of the model, or other file, that lies at a place now, to tell whether it is still the same.
-
-    Of a folder it is that of its record, which has the checksums of a model's other files.
-
-    Args:
-        place: a path, or `hf://user/name`, as policies and their parameters name models.
-
-    Returns:
-        Hexadecimal digits; "" where the text is no place, or nothing lies there that could be read.
-    """
-    if not (place.endswith(".zip") or place.startswith("hf://") or "/" in place or os.sep in place):
-        return ""
-    from bug_gym.agents.learning.folder import CONFIG, model_folder  # loads pydantic
-    from bug_gym.agents.prediction.learned import CONFIG as PREDICTOR_CONFIG  # loads the compiler
-
-    try:
-        found = model_folder(place) if place.startswith("hf://") else Path(place).expanduser()
-        files = [found / CONFIG, found / PREDICTOR_CONFIG] if found.is_dir() else [found]
-        written = [file.read_bytes() for file in files if file.is_file()]
-    except (OSError, ValueError, ImportError, RuntimeError):
-        return ""  # who makes the policy tells what is wrong
-    return hashlib.sha256(b"".join(written)).hexdigest()[:16] if written else ""
 
 
 def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:

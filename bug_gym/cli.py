@@ -124,7 +124,11 @@ def _told_left(options: argparse.Namespace) -> str:
     if not out or not COMMANDS[options.command].goes_on:
         return ""
     told: Callable[[], str] | None = getattr(options, "told_left", None)  # of a command that knows better
-    return f"{out} keeps what is done, the same command goes on" if told is None else told()
+    if told is not None:
+        return told()
+    if not os.path.lexists(out):
+        return "nothing was done so far, the same command begins anew"
+    return f"{out} keeps what is done, the same command goes on"
 
 
 def _without_gaps(arguments: Sequence[str]) -> Sequence[str]:

@@ -53,7 +53,10 @@ class RobotsEnv(ParallelEnv[str, Any, Any]):
     other robot in this one's frame. `state()` is what all of them observe, in one vector.
 
     ## Episode End
-    Each robot ends by itself, as in NavigationEnv, and then leaves `agents`.
+    Each robot ends by itself, as in NavigationEnv, and then leaves `agents`. Where the scenario's `mission` is "first", the
+    first arrival ends all: the others are truncated ("ended"). Nothing of a robot's own task has ended there, and it cannot
+    foresee it by what it observes, so that who learns from a robot's own rewards goes on from the value of where it stands,
+    as at the time limit. Who learns the return of the team takes "ended" for terminated: its mission is over.
 
     The attribute `simulation` is the core that the env stands on.
     """

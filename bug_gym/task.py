@@ -41,7 +41,10 @@ CLEARANCE_SCALE = 0.5
 
 OUTCOMES = ("running", "success", "collision", "timeout", "ended")
 """Outcome of a robot, by the core's code. Success and collision terminate; the time limit truncates, and so does, where
-the first arrival is the mission, that of another robot ("ended")."""
+the first arrival is the mission, that of another robot ("ended"). That end is the mission's rule, but no state of the robot
+whom it meets: what it observes does not tell it, and what it did has not brought it about. So its own task counts as cut
+off, as by a clock, and learners bootstrap from its last observation. Who trains a team for the first arrival
+alone, after which nothing is worth anything, takes `info["outcome"] == "ended"` for a termination."""
 
 OUTCOME_NAMES = np.array(OUTCOMES, dtype=object)
 

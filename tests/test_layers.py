@@ -69,7 +69,7 @@ LEARNING = ("agents.sb3", "agents.learning") + tuple(
 """The only modules and folders that know torch and stable-baselines3."""
 PLAYING = {"agents.learning"} | {
     f"agents.learning.{name}"
-    for name in ("curriculum", "folder", "history", "hub", "play", "recorded", "robot_model", "settings")
+    for name in ("beside", "curriculum", "folder", "history", "hub", "play", "recorded", "robot_model", "settings")
 }
 """What plays a learned policy, and what is learnt from as arrays, without torch."""
 

@@ -16,9 +16,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from bug_gym.agents.learning.history import Lags
 from bug_gym.agents.learning.hub import HUB, fetched
 from bug_gym.agents.learning.robot_model import RobotModel
-from bug_gym.agents.learning.settings import Lags
 from bug_gym.checks import install_command
 from bug_gym.config import checked
 from bug_gym.files import from_json

@@ -9,15 +9,17 @@ in play.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.geometry import F32
 from bug_gym.policy import checked_starts
 from bug_gym.schema.errors import shortened
+from bug_gym.schema.values import AtLeastOne
 
 Bools = NDArray[np.bool_]
 
@@ -25,6 +27,10 @@ TOP_SPEED = 2.0
 """Speeds are cut to this [m/s]."""
 MOST_STEPS = 1000
 """Steps that a history may look back: it keeps a scan of each robot for every one of them."""
+Lag = Annotated[AtLeastOne, Field(le=MOST_STEPS)]
+"""How many steps ago a History looks."""
+Lags = Annotated[tuple[Lag, ...], Field(max_length=100)]
+"""Of one History."""
 
 
 def history_width(robot: RobotModel, lags: Sequence[int]) -> int:

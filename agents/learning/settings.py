@@ -20,9 +20,11 @@ from pydantic import (
 )
 from pydantic_core import PydanticSerializationError
 
+from bug_gym.agents.learning.beside import beside
 from bug_gym.agents.learning.curriculum import Curriculum, Stage, require_stages
-from bug_gym.agents.learning.history import MOST_STEPS
-from bug_gym.agents.outside import Spec
+from bug_gym.agents.learning.history import Lags
+from bug_gym.agents.model_places import model_digest
+from bug_gym.agents.outside import Spec, imported_class
 from bug_gym.config import (
     SCENARIO_FOLDER,
     Scenario,
@@ -30,13 +32,12 @@ from bug_gym.config import (
     dump,
     expanded,
     explain,
-    from_folder,
     load,
     names_file,
     read_yaml,
 )
 from bug_gym.naming import nearest_hint
-from bug_gym.references import is_reference
+from bug_gym.references import code_digest, is_reference
 from bug_gym.scenario_code import data_digest, own_code
 from bug_gym.schema.errors import shortened, wrong
 from bug_gym.schema.values import (
@@ -56,10 +57,6 @@ from bug_gym.schema.values import (
 
 TRAIN_FOLDER = SCENARIO_FOLDER.parent / "train"
 
-Lag = Annotated[AtLeastOne, Field(le=MOST_STEPS)]
-"""How many steps ago a History looks."""
-Lags = Annotated[tuple[Lag, ...], Field(max_length=100)]
-"""Of one History."""
 LearningRate = Coefficient | str
 """A number, or "lin_NUMBER": from there straight down to 0 at the end, as rl-zoo writes it."""
 
@@ -82,7 +79,7 @@ class Settings(Part):
     """What the model is called; a file's stem where the file gives none."""
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
     """Scenarios to train in, each with the same share of the worlds; they need the same robot. Paths are relative to the
-    training's file, as all in it but `start_from` and policies, which are looked for as `--policies` are."""
+    training's file, as all in it."""
     overrides: dict[str, Any] = {}
     """Values by dotted key that replace those of every scenario: most of all the weights of the reward."""
     action: Literal["continuous", "discrete"] = "continuous"
@@ -107,7 +104,7 @@ class Settings(Part):
     """How many steps ago a History looks; empty: the policy has no memory."""
     start_from: str | None = None
     """Name or folder of a model of ours with the same network (layers, activation, encoding, action, history), whose weights it
-    begins with; none: from scratch. A folder is looked for in the working directory."""
+    begins with; none: from scratch."""
     eval_freq: Steps = 500_000
     """Environment steps from one validation to the next."""
     eval_episodes: Episodes = 1000
@@ -132,14 +129,22 @@ class Settings(Part):
         return {"scenarios": self.loaded}
 
     @property
+    def named(self) -> dict[str, str]:
+        """Models and policies that the training learns from, by the key that names them."""
+        return {} if self.start_from is None else {"start_from": self.start_from}
+
+    @property
     def made_of(self) -> dict[str, str]:
-        """Digests of what the settings only name, as it was when first asked: scenarios, their own code and files.
+        """Digests of what the settings only name, as it was when first asked.
+
+        That are scenarios, their own code and files, and what is `named`, where it is not the package's.
 
         Raises:
             ValueError: a file of code was changed after it was imported, or code is named that nobody has trusted.
         """
         if not self._made_of:
-            self._made_of |= _digests(self.worlds)
+            of_named = {key: told for key, policy in self.named.items() if (told := _digest_of(policy))}
+            self._made_of |= _digests(self.worlds) | of_named
         return self._made_of
 
     def _as_read(self, key: str, read: Callable[[], tuple[Scenario, ...]]) -> tuple[Scenario, ...]:
@@ -179,6 +184,14 @@ def _digests(worlds: Mapping[str, Sequence[Scenario]]) -> dict[str, str]:
             told |= {f"{place}.{name}": digest for name, digest in own_code(scenario).items()}
             told |= {f"{place}.data": data} if (data := data_digest(scenario)) else {}
     return told
+
+
+def _digest_of(policy: str) -> str:
+    """Of the code or the model that a policy is named by, and the models among its parameters; "" where there is none."""
+    spec = Spec.of(policy)
+    own = code_digest(imported_class(spec.name)) if is_reference(spec.name) else model_digest(spec.name)
+    of_parameters = (model_digest(value) for value in spec.parameters.values() if isinstance(value, str))
+    return ", ".join(filter(None, [own, *of_parameters]))
 
 
 def _linear_start(text: str) -> float:
@@ -340,25 +353,34 @@ class OfflineSettings(Settings):
     """Rewards are multiplied by it, so that returns are a few units [1]."""
 
 
-class CloningSettings(OfflineSettings):
+class FromDataSettings(OfflineSettings):
+    """What offline trainings have that are given episodes."""
+
+    data: Data
+    """What it learns from."""
+
+    @property
+    def named(self) -> dict[str, str]:
+        """As Settings have it, and the policies whose episodes they are."""
+        drivers = {f"data.policies.{number}": policy for number, policy in enumerate(self.data.policies)}
+        return {**super().named, **drivers}
+
+
+class CloningSettings(FromDataSettings):
     """Behaviour cloning, Pomerleau 1991."""
 
     algo: Literal["bc"]
     action: Literal["continuous"] = "continuous"
     """Which actions the robot takes."""
-    data: Data
-    """What it learns from."""
     keep_best: Share = 1.0
     """Share of the episodes, those with the highest returns, that it learns from."""
 
 
-class CriticSettings(OfflineSettings):
+class CriticSettings(FromDataSettings):
     """What offline trainings have that ask what an action is worth."""
 
     action: Literal["continuous"] = "continuous"
     """Which actions the robot takes."""
-    data: Data
-    """What it learns from."""
     n_steps: AtLeastOne = 10
     """Steps whose rewards are summed before the value of what follows is added. A step of 0.1 s is a hundredth of an episode:
     one at a time, what a collision costs would need thousands of gradient steps to be known a second before it."""
@@ -405,6 +427,11 @@ class DaggerSettings(OfflineSettings):
     """Of discrete actions: how far from an answer another action is still partly right, as the standard deviation of a bell
     over what is driven, whose numbers go from -1 to 1 [1]; 0: none is. Where it is not 0 a second network, for which none is,
     drives in the worlds of training."""
+
+    @property
+    def named(self) -> dict[str, str]:
+        """As Settings have it, and the expert."""
+        return {**super().named, "expert": self.expert}
 
 
 FromData = CloningSettings | IQLSettings | TD3BCSettings
@@ -518,12 +545,3 @@ def _read(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
         source = TRAIN_FOLDER / f"{source}.yaml"
     path = expanded(source)
     return path.name, beside(path.parent, read_yaml(path, training_names()))
-
-
-def beside(folder: Path, data: dict[str, Any]) -> dict[str, Any]:
-    """Values of a training, or of a stage of its curriculum, whose scenarios are looked for in the folder of their file."""
-    if isinstance(scenarios := data.get("scenarios"), list):
-        data = data | {"scenarios": [from_folder(source, folder) for source in scenarios]}
-    if isinstance(stages := data.get("curriculum"), list):
-        data = data | {"curriculum": [beside(folder, stage) if isinstance(stage, dict) else stage for stage in stages]}
-    return data

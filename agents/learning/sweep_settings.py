@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationError, model_validator
 
-from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, beside, load_settings
+from bug_gym.agents.learning.beside import beside
+from bug_gym.agents.learning.settings import AnySettings, OfflineSettings, load_settings
 from bug_gym.checks import shortened
 from bug_gym.config import SCENARIO_FOLDER, ScenarioError, expanded, explain, from_folder, names_file, read_yaml
 from bug_gym.limits import MOST_TRAININGS
@@ -155,6 +156,8 @@ def load_sweep(source: str | Path | Mapping[str, Any], *, trust: bool = False) -
         data = {key: from_folder(value, path.parent) if key == "training" else value for key, value in data.items()}
         if isinstance(overrides := data.get("overrides"), dict):
             data["overrides"] = beside(path.parent, overrides)
+        if isinstance(space := data.get("space"), dict):
+            data["space"] = {key: _beside(path.parent, key, values) for key, values in space.items()}
     try:
         settings = SweepSettings.model_validate(data).trusting(trust)
     except ValidationError as error:
@@ -170,6 +173,13 @@ def load_sweep(source: str | Path | Mapping[str, Any], *, trust: bool = False) -
             f"{label}: training: {settings.training} learns offline, expected one that learns in worlds"
         )
     return settings
+
+
+def _beside(folder: Path, key: str, values: Any) -> Any:
+    """Values to choose from of a key of a training, looked for in the folder of the sweep's file."""
+    if not isinstance(values, list):
+        return values  # a range
+    return [beside(folder, {key: value})[key] for value in values]
 
 
 def _first_training(settings: SweepSettings) -> AnySettings:

@@ -94,7 +94,7 @@ def _made_again(record: Mapping[str, Any]) -> str:
     taken_over = ["hidden"] if told["start_from"] else []  # the layers are those of the model that it begins with
     if set(own) - {*ON_COMMAND_LINE, *taken_over}:
         return f"Made by `bug_gym.agents.prediction.training.train`, with the settings in {CONFIG}"
-    words = ["python", "-m", "bug_gym.agents.prediction.training", str(told["kind"])]
+    words = f"python -m bug_gym.agents.prediction.training {told['kind']}".split()
     for key in ON_COMMAND_LINE:
         words += [f"--{key.replace('_', '-')}", str(told[key])] if key in own else []
     words += ["--seeds", str(1 + len(record["repeats"]))] if record["repeats"] else []

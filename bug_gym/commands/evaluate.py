@@ -61,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_trust(parser)
     parser.add_argument("--details", action="store_true", help="print all tables, and the paired differences")
     parser.add_argument(
-        "--repair", action="store_true", help="drop lines of --out that stand there twice, or that this run cannot have"
+        "--repair",
+        action="store_true",
+        help="drop lines of --out that stand there twice, or that this run cannot have, as of a policy mended since",
     )
     add_overrides(parser)
 

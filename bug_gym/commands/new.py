@@ -24,24 +24,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from bug_gym.agents.parameters import Length
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy
 from bug_gym.view import View
 
 TURNS = np.radians([0, *(sign * angle for angle in range(10, 181, 10) for sign in (1, -1))])
-"""Directions to try, counted from the goal's [rad]: the nearest to it first."""
+"""Directions to try, counted from the goal's [rad]: the nearest to it first, and of two as near the left one."""
 
 
 @dataclass(frozen=True)
 class CLASSParameters:
     """What can be set: `--policies NAME.py:CLASS:room=0.2`."""
 
-    room: float = 0.1
+    room: Length = 0.1
     """Room kept about the body [m]."""
-    reach: float = 1.0
+    reach: Length = 1.0
     """How far a direction has to be free to be taken [m]."""
+    turn: Literal["left", "right"] = "left"
+    """Which of two directions as near to the goal's it takes."""
 
 
 @dataclass
@@ -64,7 +68,7 @@ class CLASS(ScriptedPolicy):
 
     def act(self, view: View, memory: CLASSMemory) -> tuple[float, float]:
         """The velocity that it wants [m/s], x ahead, y left."""
-        bearings = view.goal_bearing + TURNS
+        bearings = view.goal_bearing + (TURNS if self.parameters.turn == "left" else -TURNS)
         free = view.free_distances(bearings, self.sensors.radius + self.parameters.room)
         wanted = min(self.parameters.reach, view.goal_distance)
         enough = np.flatnonzero(free >= wanted)

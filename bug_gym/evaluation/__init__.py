@@ -70,7 +70,8 @@ def evaluate(
         data: path of the data that a suite needs and that is not part of this package.
         baseline: label of the policy that the summary compares the others with, with or without the mark of those that
             read the map; None: the most successful one that does not read it, see `summary.default_baseline`.
-        repair: whether lines of `out` that this run cannot have, or has twice, are dropped; else they are an error.
+        repair: whether lines of `out` that this run cannot have, as of a policy from outside that was mended since, or has
+            twice, are dropped; else they are an error.
         privileged: whether policies that read the map take part; tables mark them.
         trust: whether what scenarios name (functions, families of worlds) may be imported, which runs the code
             of their modules; workers import them too.

@@ -56,7 +56,8 @@ def opened(path: str | os.PathLike[str], plan: Plan, *, repair: bool = False) ->
         path: a folder that is missing or empty, or that of an earlier run of the same plan, or a part of it, with policies by
             name.
         plan: what is evaluated.
-        repair: whether lines that this plan cannot have are dropped, and what stands twice; else they are an error.
+        repair: whether lines that this plan cannot have are dropped, as of a policy from outside whose code has changed since,
+            and what stands twice; else they are an error.
 
     Raises:
         ValueError: the folder is of another run or in use, or its files are damaged.
@@ -93,7 +94,8 @@ class ResultFolder:
         self._scenarios = {scenario.label: scenario for scenario in plan.scenarios}
         self._pairs = {(scenario.label, policy.label) for scenario, policy in plan.pairs()}
         manifest = plan.manifest()
-        is_asked_for_more = self._agree_on_manifest(manifest)
+        self._mended: set[str] = set()
+        is_other = self._agree_on_manifest(manifest, repair=repair)
         rows, lengths = self._read_rows(), self._read_lengths()
         self._require_agreement(rows, lengths)
         self._require_whole_worlds(rows)
@@ -101,7 +103,7 @@ class ResultFolder:
         """Rows of the worlds that are done."""
         self.lengths: Lengths = dict(lengths.settled(repair=repair))
         """Shortest paths that are known."""
-        if is_asked_for_more:  # from here on; a folder that is damaged stays what it was
+        if is_other:  # from here on; a folder that is damaged stays what it was
             write_manifest(self.path / MANIFEST, manifest)
 
     def add_rows(self, rows: Sequence[EpisodeRow]) -> None:
@@ -123,11 +125,13 @@ class ResultFolder:
             partial.write_text("\n".join(f"{one.told}\n\n{one.traceback}" for one in failures), encoding="utf-8")
         return path
 
-    def _agree_on_manifest(self, manifest: Mapping[str, Any]) -> bool:
+    def _agree_on_manifest(self, manifest: Mapping[str, Any], *, repair: bool) -> bool:
         """Write down what is asked, or find that the same was asked before, or less: its rows are the same in both.
 
+        A repair takes down policies whose code has changed since, as those whose rows are to be dropped.
+
         Returns:
-            Whether it was less.
+            Whether it was less, or of other code.
         """
         path = self.path / MANIFEST
         is_new = not path.exists()
@@ -136,8 +140,16 @@ class ResultFolder:
             return False
         checked(Manifest, there, f"{path} is damaged")
         before, now = without_places(there), without_places(manifest)
-        if other := other_run(grown(before, now), now):
-            raise ValueError(f"{self.path} holds {other}; name another folder, or remove this one")
+        mended = with_code(before, now)
+        if other := other_run(grown(mended if repair else before, now), now):
+            if not other_run(grown(now, before), before):
+                told = next(differences(before, now))
+                raise ValueError(
+                    f"{self.path} holds more than is asked: {told}; ask for all of it, or name another folder"
+                )
+            repaired = ", --repair drops its rows" if not other_run(grown(mended, now), now) else ""
+            raise ValueError(f"{self.path} holds {other}; name another folder{repaired}, or remove this one")
+        self._mended = {label for label, about in mended["policies"].items() if about != before["policies"][label]}
         objects = [policy.label for policy in self._plan.policies if policy.is_nameless]
         if objects:
             told = f"{objects[0]} is an object, and nobody can tell whether it is the same as in another run"
@@ -168,6 +180,9 @@ class ResultFolder:
 
     def _read_rows(self) -> _Lines[EpisodeRow]:
         lines = _Lines(self.path / ROWS, self._row_of)
+        for number, row in list(lines.values.items()):
+            if row.policy in self._mended:
+                lines.fault(number, f"of the code that {shortened(row.policy)} had before", "of other code")
         lines.require_distinct(
             key=lambda row: (row.policy, row.scenario, row.seed, row.robot),
             content=lambda row: {name: value for name, value in row.as_dict().items() if "decision_time" not in name},
@@ -359,6 +374,16 @@ def grown(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
         if now["first"] <= first and first + count <= now["first"] + now["count"]:
             scenarios[label] = {**about, "seeds": now}
     return {**there, "scenarios": scenarios, "policies": {**here["policies"], **there["policies"]}}
+
+
+def with_code(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest on disk, as if its policies from outside were of the code that they are of now."""
+    policies = dict(there["policies"])
+    for label in there["policies"].keys() & here["policies"].keys():
+        was, now = there["policies"][label], here["policies"][label]
+        if "code" in was and "code" in now:
+            policies[label] = {**was, "code": now["code"]}
+    return {**there, "policies": policies}
 
 
 def without_places(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -450,6 +450,18 @@ def test_an_interrupted_evaluation_says_that_it_goes_on(
     assert f"{out} keeps what is done, the same command goes on" in capsys.readouterr().err
 
 
+def test_one_that_is_interrupted_before_its_folder_is_there_keeps_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bug_gym.evaluation.make_plan", interrupted)
+    out = tmp_path / "out"
+    assert main(["evaluate", "--scenario", "empty", "--policies", "bug0", "--episodes", "2", "--out", str(out)]) == 130
+    assert not out.exists() and "; nothing was done so far" in capsys.readouterr().err
+
+
 def test_an_error_of_our_own_is_not_taken_for_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     # Of a function written here it would be a caller's code that has failed, which is told in a line.
     monkeypatch.setattr(show, "run", operator.attrgetter("no_such_option"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +15,8 @@ import bug_gym
 from bug_gym import observation
 from bug_gym.agents import AGENTS, make_policy, playable_names, policy_names
 from bug_gym.agents.floors.random import Random
+from bug_gym.agents.parameters import parameters_of
+from bug_gym.cli import main
 from bug_gym.inertia import are_cut_at_once
 from bug_gym.policy import AT_ONCE, Drawing, ScriptedPolicy
 from bug_gym.simulation import Simulation
@@ -291,6 +294,24 @@ def test_a_mirrored_world_gives_the_mirrored_way(name: str, kinematics: str, goa
     assert (first.outcome, first.verdict) == (second.outcome, second.verdict)
     # Within a tenth of a step: errors of rounding grow where a robot turns from step to step.
     np.testing.assert_allclose(first.path[:, :2], second.path[:, :2] * [1.0, -1.0], atol=0.01)
+
+
+def test_what_new_policy_writes_meets_what_holds_for_those_of_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "policy", "fine_bug"]) == 0
+    name = "fine_bug.py:FineBug"
+    for kinematics in ("holonomic", "differential"):
+        for goal in (0.7, -0.7, 0.0):
+            test_a_mirrored_world_gives_the_mirrored_way(name, kinematics, goal)
+        test_actions_lie_in_the_action_space(name, kinematics)
+        test_no_collision_among_still_obstacles(name, kinematics, 0)
+        test_a_turned_and_shifted_world_gives_the_same_outcome_and_length(name, kinematics, monkeypatch)
+    for parameter in parameters_of(type(make_policy(name, Simulation("static")))):
+        if "float" in parameter.type:
+            with pytest.raises(ValueError, match=f"{parameter.name}.* at most"):
+                make_policy(name, Simulation("static"), **{parameter.name: 1e300})
 
 
 def test_an_unknown_policy_is_refused_with_the_nearest_names() -> None:

@@ -732,6 +732,50 @@ def test_a_folder_grows_by_seeds_and_policies_and_has_what_a_new_one_would(tmp_p
         evaluate("bug0", "static", episodes=3, seed=4, out=grown)
 
 
+def test_who_asks_a_folder_for_less_is_told_to_ask_for_all_of_it(tmp_path: Path) -> None:
+    evaluate(["bug0", "bug2"], "static", episodes=3, out=tmp_path)
+    for policies, episodes, told in (
+        (["bug0"], 3, "policies.bug2 was"),
+        (["bug0", "bug2"], 2, "seeds.count was 3, is now 2"),
+    ):
+        with pytest.raises(
+            ValueError, match=f"holds more than is asked: .*{told}.*; ask for all of it, or name another"
+        ):
+            evaluate(policies, "static", episodes=episodes, out=tmp_path)
+
+
+WALKER = """from bug_gym.agents.floors.go_to_goal import GoToGoal
+
+
+class Walker(GoToGoal):
+    pass
+"""
+
+
+def test_a_repair_drops_the_rows_of_a_policy_that_was_mended_since_and_of_no_other(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    runs: dict[str, Any] = {"scenario_or_suite": OPEN, "episodes": 2, "out": tmp_path / "out"}
+    file = tmp_path / "walker.py"
+    policies = ["bug0", f"{file}:Walker"]
+    file.write_text(WALKER)
+    evaluate(policies, **runs)
+    before = lines_of(tmp_path / "out")
+    file.write_text(WALKER + "\n# mended\n")
+    with pytest.raises(ValueError, match=r"Walker\.code was .*name another folder, --repair drops its rows, or remove"):
+        evaluate(policies, **runs)
+    assert lines_of(tmp_path / "out") == before
+    rows = evaluate([*policies, "bug2"], **runs, repair=True)  # it may grow, too
+    assert [row.policy for row in rows] == ["bug0", "bug0", *[policies[1]] * 2, "bug2", "bug2"]
+    kept, dropped = ([line for line in before if (b"Walker" in line) == is_its] for is_its in (False, True))
+    assert lines_of(tmp_path / "out")[:2] == kept and len(lines_of(tmp_path / "out")) == 6
+    assert (tmp_path / "out" / "dropped.jsonl").read_bytes() == b"".join(dropped)
+    assert "dropped 2 of 4 lines, 2 of the code that" in caplog.text
+    evaluate([*policies, "bug2"], **runs)
+    with pytest.raises(ValueError, match="seeds.first"):  # it makes no other run the same
+        evaluate([*policies, "bug2"], **runs, seed=9, repair=True)
+
+
 def test_a_damaged_folder_does_not_grow(tmp_path: Path) -> None:
     evaluate("bug0", "static", episodes=1, out=tmp_path)
     manifest = (tmp_path / "manifest.json").read_bytes()

@@ -215,6 +215,28 @@ def test_the_page_loads_nothing_and_runs_its_own_script_only() -> None:
     assert "default-src 'none'" in text and f"script-src 'sha256-{digest}'" in text
 
 
+class Nesting(HTMLParser):
+    """Whether each element is ended before that around it is; `wrong` has those that are not."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.wrong: list[str] = []
+        self._open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("input", "meta"):
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if self._open.pop() != tag:
+            self.wrong.append(tag)
+
+
+def test_each_element_ends_within_that_around_it_lest_a_path_of_a_drawing_hide_the_next() -> None:
+    assert "<path" in page_of(ROWS) and not Nesting(page_of(ROWS)).wrong
+
+
 def test_the_page_is_for_phones_and_for_the_dark() -> None:
     text = page_of(ROWS)
     assert 'name="viewport"' in text and "prefers-color-scheme: dark" in text

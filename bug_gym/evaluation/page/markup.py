@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 PROSE = 40
 """Letters of a cell that are more than a number: its column is set as text."""
-VOID = ("input", "path", "line", "meta")
-"""Elements without a content."""
+VOID = ("input", "meta")
+"""Elements that have no end in HTML; those of drawings have one: what follows an open path would be in it, and unseen."""
 
 
 class Markup(str):
