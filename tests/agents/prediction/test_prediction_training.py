@@ -103,7 +103,9 @@ def test_a_card_shows_how_much_a_seed_does(tmp_path: Path) -> None:
     costs = [point["cost"] for point in other.points]
     assert [point["cost"] for point in record["repeats"]["1"]] == costs
     text = (tmp_path / "card.md").read_text(encoding="utf-8")
-    assert "--seeds 2" in text and f"{record['curve'][-1]['cost']:.3f} | {costs[-1]:.3f} |" in text
+    assert f"{record['curve'][-1]['cost']:.3f} | {costs[-1]:.3f} |" in text
+    # No command says a batch, or a rollout.
+    assert f"with the settings in {CONFIG}" in text and "Made again by" not in text
 
 
 def test_a_card_judges_by_worlds_that_the_training_did_not_see(tmp_path: Path) -> None:
