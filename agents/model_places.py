@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +39,19 @@ def model_digest(place: str) -> str:
     except (OSError, ValueError, ImportError, RuntimeError):
         return ""  # who makes the policy tells what is wrong
     return hashlib.sha256(b"".join(written)).hexdigest()[:16] if written else ""
+
+
+def policy_digest(own: str, parameters: Mapping[str, Any]) -> str:
+    """What a policy is made of that does not belong to the package: its own digest, and those of models that parameters name.
+
+    Args:
+        own: of its code, or its model; "" where these are the package's.
+        parameters: of the policy; the digest of a model stands behind the name of its parameter, as in
+            "predictor=0123456789abcdef".
+
+    Returns:
+        "" where all is the package's.
+    """
+    texts = {key: value for key, value in sorted(parameters.items()) if isinstance(value, str)}
+    of_parameters = [f"{key}={digest}" for key, value in texts.items() if (digest := model_digest(value))]
+    return ", ".join(filter(None, [own, *of_parameters]))

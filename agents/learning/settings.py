@@ -23,7 +23,7 @@ from pydantic_core import PydanticSerializationError
 from bug_gym.agents.learning.beside import beside
 from bug_gym.agents.learning.curriculum import Curriculum, Stage, require_stages
 from bug_gym.agents.learning.history import Lags
-from bug_gym.agents.model_places import model_digest
+from bug_gym.agents.model_places import model_digest, policy_digest
 from bug_gym.agents.outside import Spec, imported_class
 from bug_gym.config import (
     SCENARIO_FOLDER,
@@ -190,8 +190,7 @@ def _digest_of(policy: str) -> str:
     """Of the code or the model that a policy is named by, and the models among its parameters; "" where there is none."""
     spec = Spec.of(policy)
     own = code_digest(imported_class(spec.name)) if is_reference(spec.name) else model_digest(spec.name)
-    of_parameters = (model_digest(value) for value in spec.parameters.values() if isinstance(value, str))
-    return ", ".join(filter(None, [own, *of_parameters]))
+    return policy_digest(own, spec.parameters)
 
 
 def _linear_start(text: str) -> float:

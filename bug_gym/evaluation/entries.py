@@ -9,7 +9,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from bug_gym.agents import Spec, is_scripted, make_policy, model_digest, outside_reference, reads_map
+from bug_gym.agents import Spec, is_scripted, make_policy, outside_reference, reads_map
+from bug_gym.agents.model_places import model_digest, policy_digest
 from bug_gym.agents.outside import imported_class, is_object, required_policy
 from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
@@ -109,9 +110,7 @@ class PolicyEntry:
         Models are those that are named by their place (a path, or `hf://user/name`); the others belong to the package.
         "" where there is none of all that; one of a parameter stands behind its name, as in "predictor=0123456789abcdef".
         """
-        texts = {key: value for key, value in sorted(self.parameters.items()) if isinstance(value, str)}
-        of_parameters = [f"{key}={digest}" for key, value in texts.items() if (digest := model_digest(value))]
-        return ", ".join(filter(None, [self._own_digest, *of_parameters]))
+        return policy_digest(self._own_digest, self.parameters)
 
     @property
     def _own_digest(self) -> str:

@@ -58,6 +58,12 @@ def test_the_model_that_a_training_starts_from_lies_beside_its_file(
     assert load_settings("mine.yaml", {"start_from": "./models/first"}).start_from == "./models/first"  # a caller's
 
 
+def test_a_place_beside_the_file_is_no_name_of_a_shipped_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written(tmp_path / "mine.yaml", {**SMALL, "start_from": "./ppo_rush"})
+    monkeypatch.chdir(tmp_path)
+    assert load_settings("mine.yaml").start_from == "./ppo_rush"
+
+
 @pytest.mark.parametrize("named", ["ppo_rush", "hf://user/first"])
 def test_names_of_models_stay_names(named: str, tmp_path: Path) -> None:
     assert load_settings(written(tmp_path / "mine.yaml", {**SMALL, "start_from": named})).start_from == named

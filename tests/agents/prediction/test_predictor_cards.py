@@ -117,5 +117,5 @@ def test_a_card_tells_no_command_where_none_says_all(tmp_path: Path) -> None:
 def test_shipped_cards_tell_the_command_that_made_them(name: str) -> None:
     kind, *words = command_of((TRAINED_FOLDER / name / "card.md").read_text(encoding="utf-8"))
     settings = read_config(TRAINED_FOLDER / name)["settings"]
-    assert settings == {**asdict(PredictorSettings(kind)), "hidden": [256, 256]}  # type: ignore[arg-type]
+    assert settings == {**asdict(PredictorSettings("ppo")), "kind": kind, "hidden": [256, 256]}
     assert words == ["--seeds", "3", "--out", "FOLDER"]
