@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Self
 
@@ -101,22 +100,24 @@ class ReplayWorld(Family):
             first, last = self.window or recording.times
             since = float(rng.uniform(first, max(first, last - limit)))
         xmin, ymin, xmax, ymax = self.bounds
-        room = self.radius
-        inside = recording.within((xmin + room, ymin + room, xmax - room, ymax - room))
+        radius = self.radius
+        inside = recording.within((xmin + radius, ymin + radius, xmax - radius, ymax - radius))
         movers = []
         for track in inside.tracks:
             records = track.records - [since, 0.0, 0.0]
             if records[-1, 0] >= 0.0 and records[0, 0] <= limit:
                 # The records have been checked as they were read; pydantic would take as long again for each episode.
                 motion = Replay.model_construct(law="replay", points=tuple(map(tuple, records.tolist())))
-                movers.append(Mover(self.radius, motion.place(0.0), motion))
+                movers.append(Mover(radius, motion.place(0.0), motion))
         border = border_of(self)
         present = obstacles_of(np.zeros((0, 3)), (), movers)
-        start_free = is_clear(*present, border, crew.robot.reach + CROSSING_ROOM)
+        room = crew.robot.reach + CROSSING_ROOM
         if self.start is None:
-            just_free = is_clear(*present, border, crew.robot.reach + CROSSING_ROOM - SAME_PLACE)
-            start, goal = draw_crossing(crew, self, recording.flow(), rng, (start_free, just_free))
+            # All starts lie at just that distance from the border, which rounding makes too little at some of them.
+            just_free = is_clear(*present, border, room - SAME_PLACE)
+            start, goal = draw_crossing(crew, self, recording.flow(), rng, just_free)
         else:
+            start_free = is_clear(*present, border, room)
             goal_free = is_clear(np.zeros((0, 3)), (), border, crew.robot.reach)
             start, goal = draw_both(crew, self, self.start, self.goal, rng, start_free, goal_free, 0.0)
         return finish(crew, self, start, goal, movers=tuple(movers))
@@ -130,7 +131,7 @@ def _recording(path: str) -> Recording:
         raise wrong(str(error), "path") from None
 
 
-def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, tests: Sequence[Free]) -> tuple[Pose, Point]:
+def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, start_free: Free) -> tuple[Pose, Point]:
     """A start and a goal at opposite sides of the bounds, straight across a direction of flow [rad].
 
     Args:
@@ -138,8 +139,7 @@ def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, tests: 
         world: whose bounds they are.
         flow: direction in which most pedestrians walk, one way or the other [rad].
         rng: draws.
-        tests: whether a start is free; each where none was found by those before it. All starts lie at just the room from
-            the border that the first of them asks for, which rounding may make too little at each place.
+        start_free: whether a start is free; it lies at just CROSSING_ROOM from the border.
 
     Raises:
         ValueError: no free start was found.
@@ -147,7 +147,7 @@ def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, tests: 
     xmin, ymin, xmax, ymax = world.bounds
     room = crew.robot.reach + CROSSING_ROOM
     low, high = np.array([xmin + room, ymin + room]), np.array([xmax - room, ymax - room])
-    for start_free in itertools.chain.from_iterable(itertools.repeat(test, TRIES) for test in tests):
+    for _ in range(TRIES):
         heading = flow + float(rng.choice([-0.5, 0.5])) * math.pi
         across = np.array([math.cos(heading), math.sin(heading)])
         middle = rng.uniform(0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
@@ -158,4 +158,4 @@ def draw_crossing(crew: Crew, world: ReplayWorld, flow: float, rng: Rng, tests: 
         pose = float(start[0]), float(start[1]), heading
         if start_free(*pose[:2]) and has_room_for_all(crew, pose, start_free):
             return pose, (float(goal[0]), float(goal[1]))
-    raise ValueError(f"no free start found among the pedestrians after {len(tests) * TRIES} tries")
+    raise ValueError(f"no free start found among the pedestrians after {TRIES} tries")

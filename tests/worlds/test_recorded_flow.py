@@ -42,3 +42,20 @@ def test_the_robot_crosses_from_either_side_also_where_all_walk_along_an_axis(
     assert 5 <= (side > 0.0).sum() <= 15, "each side as likely as the other"
     for places in (starts, goals):
         assert np.abs(places).max(axis=1) == pytest.approx(bound - radius - 0.5), "at the sides, with room for the body"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rounding_shuts_no_side(seed: int, tmp_path: Path) -> None:
+    """Each start lies at just its distance from the border, and rounding may have called all of one side too near."""
+    rng = np.random.default_rng(seed)
+    path = recording_of_walkers(tmp_path / "walkers.csv", rng.uniform(-math.pi, math.pi))
+    xmin, ymin, xmax, ymax = (float(side) for side in rng.uniform([-9.0, -9.0, 7.0, 7.0], [-7.0, -7.0, 9.0, 9.0]))
+    world = {"family": "replay", "path": str(path), "bounds": [xmin, ymin, xmax, ymax]}
+    simulation = Simulation({"lidar": {"beams": 1}, "time": {"limit": 5.0}, "world": world}, 60)
+    simulation.reset(seeds=range(60))
+    robot = simulation.scenario.robot
+    places, goals = simulation.world.pose[:, 0, :2], simulation.world.goal[:, 0]
+    is_one_way = (goals - places) @ (goals - places)[0] > 0.0
+    assert 15 <= is_one_way.sum() <= 45, "each way as likely as the other"
+    gaps = [places[:, 0] - xmin, xmax - places[:, 0], places[:, 1] - ymin, ymax - places[:, 1]]
+    assert np.min(gaps, axis=0) == pytest.approx(robot.radius + 0.5, abs=1e-6)
