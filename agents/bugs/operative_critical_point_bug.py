@@ -53,7 +53,7 @@ from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.agents.walls.open_points import TIE
 from bug_gym.agents.walls.sub_goals import is_seen_again
 from bug_gym.geometry import F64, Point, velocity_along, wrap
-from bug_gym.policy import CREEP, STANDING, Drawing, ScriptedPolicy, Velocity
+from bug_gym.policy import CREEP, STANDING, Drawing, ScriptedPolicy, Velocity, hidden_gap
 from bug_gym.view import Sensors, View
 
 ALIGNED = math.radians(1.0)
@@ -121,6 +121,9 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         """Radius of the disc that must pass along the leg under way [m]."""
         self.take = min(least + max(0.2 * (radius - least), sensors.range_noise), radius)
         """The same along a leg that is chosen [m]; else noise would take the leg back while the robot turns to it."""
+        # A car turns in moves of its own.
+        self.swing = min(body + hidden_gap(sensors), radius) if sensors.drive.kinematics == "differential" else body
+        """Radius of the disc that must pass where a body whose circle lies off the axle swings round on the spot [m]."""
         self.spare = 6.0 * sensors.range_noise
         """What the far end of a long leg under way may seem to lack [m]: it is looked at again from nearer."""
         self.near = 0.5 * (body + radius)
@@ -254,7 +257,7 @@ class OperativeCriticalPointBug(ScriptedPolicy):
         if (
             self.turns
             and self.circle.offset > 0.0
-            and not can_turn(x, y, self.circle.ahead, self.circle.left, leg.turn, self.circle.body)
+            and not can_turn(x, y, self.circle.ahead, self.circle.left, leg.turn, self.swing)
         ):
             return False
         free, _, _ = sweep_leg(x, y, *leg.begin, leg.heading, leg.length, radius, 0.0, self._left, self._right)

@@ -18,7 +18,7 @@ from bug_gym.agents.parameters import Length, Weight
 from bug_gym.agents.potential_field.forces import Gains, attractive_force, repulsive_force
 from bug_gym.agents.potential_field.nearest_points import find_nearest_points
 from bug_gym.geometry import Point, velocity_along
-from bug_gym.policy import CREEP, Velocity
+from bug_gym.policy import CREEP, MisfitError, Velocity
 from bug_gym.view import Sensors, View
 
 LOOK_BACK = 0.5
@@ -125,20 +125,20 @@ def checked_gains(own: FieldParameters, sensors: Sensors) -> Gains:
     """The constants of a field, for a robot.
 
     Raises:
-        ValueError: a gain or a length that is not above zero, an exponent other than 1 and 2, or a scanner that sees less
-            far than the influence.
+        ValueError: a gain or a length that is not above zero or not finite, or an exponent other than 1 and 2.
+        MisfitError: a scanner that sees less far than the influence.
     """
     numbers = ("attraction", "repulsion", "influence", "floor", "floor_gap", "slowing", "velocity_gain", "braking")
     for name in numbers:
         value = getattr(own, name)
         if value is not None and not (value > 0.0 and math.isfinite(value)):
-            raise ValueError(f"{name} must be above 0, got {value!r}")
+            raise ValueError(f"{name} must be above 0{' and finite' if math.isinf(value) else ''}, got {value!r}")
     if own.exponent not in (1, 2):
         raise ValueError(f"exponent must be 1 or 2, got {own.exponent!r}")
     needed = own.influence + sensors.radius
     if sensors.range < needed:
         most = max(sensors.range - sensors.radius, 0.0)
-        raise ValueError(
+        raise MisfitError(
             f"influence must lie within the scanner's range of {sensors.range:g} m less the body's radius, got "
             f"{own.influence:g} m: an influence of at most {most:g} m would do, or a lidar.range of {needed:g} m or more"
         )
@@ -178,8 +178,10 @@ class Field:
         self.safe_radius = safe_radius
         """Of the disc that no step may bring into anything [m]."""
         braking = sensors.drive.max_speed**2 / (2.0 * self.gains.acceleration)
-        self.reach = min(sensors.radius + self.gains.influence + 2.0 * braking, sensors.range)
-        """How far from the robot obstacles are felt [m]; what comes as fast as the robot is braked before twice."""
+        felt, barred = sensors.radius + self.gains.influence + 2.0 * braking, safe_radius + sensors.step_length
+        self.reach = min(max(felt, barred), sensors.range)
+        """How far from the robot obstacles are felt [m]; what comes as fast as the robot is braked before twice, and what bars
+        a step is felt by the smallest influence, too: a robot that nothing blocks would wait before it without end."""
         self.looks = max(round(LOOK_BACK / sensors.drive.step), 1)
         self.moves = MOVES + 3.0 * sensors.range_noise / (self.looks * sensors.drive.step)
         """Speed above which an obstacle is a moving one [m/s]."""

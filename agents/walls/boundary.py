@@ -241,13 +241,22 @@ class Boundary:
         Raises:
             MisfitError: it does not look so far back.
         """
-        back = 0.5 * math.pi + math.atan2(self.step, self.clearance)
-        if len(self.sensors.angles) > 1 and float(self.sensors.angles[-1]) < back:
-            came = f"a wall's corner that is passed lies {math.degrees(back):.4g} degrees from ahead"
+        if not self.sees_corners:
+            came = f"a wall's corner that is passed lies {math.degrees(self._corner):.4g} degrees from ahead"
             raise MisfitError(
                 f"{came}, the scanner looks to {math.degrees(self.sensors.angles[-1]):.4g}: expected a lidar.fov of at least "
-                f"{math.ceil(200.0 * back) / 100.0:g}, or a larger clearance"
+                f"{math.ceil(200.0 * self._corner) / 100.0:g}, or a larger clearance"
             )
+
+    @property
+    def sees_corners(self) -> bool:
+        """Whether the scanner looks as far back as a wall's corner lies that was just passed; else laps may lose the wall."""
+        return len(self.sensors.angles) < 2 or float(self.sensors.angles[-1]) >= self._corner
+
+    @property
+    def _corner(self) -> float:
+        """How far from ahead that lies [rad]."""
+        return 0.5 * math.pi + math.atan2(self.step, self.clearance)
 
     def round_corners(self) -> None:
         """From now on follow walls as a robot should that is driven on arcs, along `Contour.course`."""

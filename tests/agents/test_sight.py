@@ -10,7 +10,7 @@ import pytest
 from episodes import Episode, run_episode
 
 from bug_gym import agents
-from bug_gym.agents import make_policy
+from bug_gym.agents import AGENTS, make_policy
 from bug_gym.agents.learning.settings import load_settings, training_names
 from bug_gym.agents.sight import require_sight, way_to_stand
 from bug_gym.config import Scenario, load, scenario_names
@@ -182,6 +182,24 @@ BLIND: Overrides = {"lidar.beams": 3, "lidar.fov": 1.0, "lidar.range": 5.0, "rob
 def test_who_has_but_its_scanner_is_asked(name: str) -> None:
     with pytest.raises(MisfitError, match="lidar.fov"):
         make_policy(name, load("static", BLIND))
+
+
+SHORT: Overrides = {"lidar.range": 1.0}
+"""Less than potential fields reach by default."""
+
+
+@pytest.mark.parametrize("overrides", [BLIND, SHORT, {"lidar.beams": 1}], ids=["blind", "short", "one beam"])
+def test_a_robot_that_does_not_suit_is_told_from_a_parameter_that_cannot_be(overrides: Overrides) -> None:
+    """An evaluation of all policies leaves out whom the robot does not suit; any other error ends it."""
+    scenario, refused = load("static", overrides), set()
+    for name, agent in AGENTS.items():
+        if agent.model or agent.family == "planner":  # which need a live env
+            continue
+        try:
+            make_policy(name, scenario)
+        except MisfitError:
+            refused.add(name)
+    assert "apf_wall_following" in refused
 
 
 LEAVING: dict[str, dict[str, Any]] = {

@@ -246,6 +246,26 @@ def test_a_long_body_does_not_turn_where_it_would_swing_against_something(side: 
     assert policy._is_swept(leg, x, y, policy.keep) == is_free
 
 
+@pytest.mark.parametrize("beams", [180, 720])
+def test_a_long_body_swings_against_no_corner_that_lies_between_two_beams(beams: int) -> None:
+    """What is nearest of a box is its corner; the beams beside that end on its faces, farther off."""
+    rng, taken = np.random.default_rng(0), 0
+    for _ in range(60):
+        far, bearing, askew = rng.uniform(0.65, 0.74), rng.uniform(0.8, 2.4), rng.uniform(-0.7, 0.7)
+        corner = far * np.exp(1j * bearing)
+        sides = 0.6 * np.exp(1j * (bearing + askew + np.array([-0.25, 0.25]) * math.pi))
+        ring = np.array([corner, corner + sides[0], corner + sides.sum(), corner + sides[1]])
+        box = [[float(x), float(y)] for x, y in zip(ring.real, ring.imag, strict=True)]
+        world = scene(polygons=[box]) | {"robot": LONG, "lidar": {"beams": beams}}
+        policy, view, _ = chosen(world, clearance=None, safety=0.15)
+        leg = leg_along(policy.circle, bearing + 0.6, 0.0, turns=True)
+        if policy._is_swept(leg, *view.points, policy.keep):
+            taken += 1
+            foremost = 0.5 * np.exp(1j * np.linspace(0.0, leg.heading, 400))
+            assert np.abs(foremost - corner).min() > 0.2
+    assert 5 < taken < 55
+
+
 BEHIND = (8.0, -0.5)
 """A place behind BOX."""
 

@@ -472,6 +472,47 @@ def before_a_wall(x: float) -> tuple[Any, View, Any]:
     return policy, View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
 
 
+QUARTER = 0.5 * math.pi
+BACK: dict[str, Any] = {"inner": QUARTER, "first": QUARTER, "unwrapped": QUARTER}
+"""As far turned to the wall as the target lay to that side, and by the angle that follows the target not facing it."""
+ON: dict[str, Any] = {"first": QUARTER, "unwrapped": 0.0}
+"""The other way round."""
+TOWARD: dict[str, dict[str, Any]] = {"nearer": {"first_target": 0.0}, "farther": {"first_target": math.pi}}
+"""The direction of the target at the entry, of a robot that has gone along x since, where the target is now."""
+
+
+@pytest.mark.parametrize(
+    ("angles", "toward", "has_moved", "leaves"),
+    [
+        (BACK, "nearer", False, True),
+        (BACK, "nearer", True, False),
+        (ON, "nearer", False, False),
+        (ON, "nearer", True, True),
+        (BACK, "farther", False, False),
+        (ON, "farther", True, True),
+    ],
+)
+def test_after_a_target_that_moved_the_angle_that_followed_it_counts_and_progress_to_where_it_is(
+    angles: dict[str, Any], toward: str, has_moved: bool, leaves: bool
+) -> None:
+    policy, view, memory = before_a_wall(1.0)
+    memory.has_target_moved = has_moved
+    one = turning(is_aligned=True, place=(-1.0, 0.0))
+    for name, value in {**angles, **TOWARD[toward]}.items():
+        setattr(one, name, value)
+    contour = policy.boundary.lay_hand(view, 1, 0.0)
+    assert policy._may_leave(view, memory, contour, one) == leaves
+
+
+@pytest.mark.parametrize("degrees", [180.0, 190.0])
+@pytest.mark.parametrize("seed", [2, 5])
+def test_a_lap_whose_corners_are_out_of_sight_proves_nothing(seed: int, degrees: float) -> None:
+    """All these rooms have a way to the goal; past corners just passed the hand went by their doors."""
+    overrides = {"robot.kinematics": "differential", "lidar.beams": 360, "time.limit": 400.0}
+    episode = run_episode(POLICY, "rooms", {**overrides, "lidar.fov": math.radians(degrees)}, seed=seed)
+    assert episode.outcome == "success" or episode.verdict in ("", "looping")
+
+
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize(("turns", "verdict"), [(4.9, ""), (5.1, "looping")])
 def test_who_has_turned_five_times_along_one_wall_and_passed_no_gate_again_goes_in_circles(
@@ -584,3 +625,10 @@ def test_a_scanner_that_does_not_see_beside_the_robot_is_refused() -> None:
     with pytest.raises(ValueError, match="field of view of at least 180 degrees, the scanner has 120: set lidar.fov"):
         make_policy(POLICY, simulation)
     make_policy(POLICY, Simulation("static", overrides={"lidar.fov": math.pi}))
+
+
+def test_what_is_told_of_a_scanner_is_not_rounded_to_what_would_do() -> None:
+    with pytest.raises(ValueError, match="the scanner has 179.9: set lidar.fov"):
+        make_policy(POLICY, Simulation("static", overrides={"lidar.fov": math.radians(179.9)}))
+    with pytest.raises(ValueError, match="expected at least 8 lidar.beams"):
+        make_policy(POLICY, Simulation("static", overrides={"lidar.beams": 1}))

@@ -154,6 +154,15 @@ def test_a_field_alone_ends_in_the_pocket_of_the_u_and_says_stuck(kinematics: st
     assert 5.0 < x < 11.0 and abs(y) < 3.0 and episode.min_clearance > 0.05
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_who_is_held_off_farther_than_its_influence_knows_that_it_is_stuck(kinematics: str) -> None:
+    """What may lie in the way of a step holds the robot farther off than the field would."""
+    robot = {"robot.kinematics": kinematics, "robot.max_speed": 2.0, "robot.radius": 0.4, "time.step": 0.2}
+    episode = run_episode("apf", canonical_world("u_trap"), {**robot, "time.limit": 60.0}, influence=0.02)
+    assert episode.verdict == "stuck"
+    assert episode.min_clearance > 2.0 * 0.02  # the influence, and half of it each for two ways of braking
+
+
 def test_without_the_floor_a_robot_that_turns_comes_nearer_to_what_it_is_stuck_before() -> None:
     """Whoever stands comes no nearer, so that the repulsion by what does is gone."""
     scenario, robot = canonical_world("u_trap"), {"robot.kinematics": "differential"}
@@ -178,6 +187,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"repulsion": -0.2}, "repulsion must be above 0, got -0.2"),
     ({"velocity_gain": -1.0}, "velocity_gain must be above 0, got -1.0"),
     ({"braking": 0.0}, "braking must be above 0, got 0.0"),
+    ({"floor": math.inf}, "floor must be above 0 and finite, got inf"),
     ({"exponent": 3}, "exponent must be one of"),
     ({"influence": 9.0}, "would do"),
 ]

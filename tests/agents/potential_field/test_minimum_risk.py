@@ -71,6 +71,20 @@ def test_of_directions_of_the_same_risk_that_nearest_to_the_goals_is_searched() 
         assert math.cos(policy._aside(view, free) + view.heading - policy.directions[np.argsort(gaps)[1]]) > 1.0 - 1e-9
 
 
+@pytest.mark.parametrize("free_way", [0.5, 1.5])
+def test_a_direction_is_one_where_so_much_way_is_free(free_way: float) -> None:
+    """A wall across the way; of the directions aside the nearest to the goal's is taken that does not end at it too soon."""
+    world = {"family": "explicit", "bounds": [-9, -9, 9, 9], "start": [0, 0, 0], "goal": [6, 0.2]}
+    simulation = Simulation({"world": {**world, "polygons": [[[0.5, -5], [0.7, -5], [0.7, 5], [0.5, 5]]]}})
+    policy: Any = make_policy("minimum_risk", simulation, free_way=free_way)
+    view, memory = View(simulation.reset(seeds=[0])[0, 0], policy.sensors), policy.start()
+    way, bearing = 0.5 - policy.boundary.safe_radius, math.atan2(*reversed(policy.act(view, memory)))
+    assert memory.mode == "obstacle_avoidance"
+    turns = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
+    free = turns[way >= free_way * np.cos(turns)]
+    assert bearing == pytest.approx(free[np.cos(free - view.goal_bearing).argmax()])
+
+
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
 def test_it_leaves_the_u_by_its_search_and_pays_for_it(kinematics: str) -> None:
     """The paper: the trial-and-return behaviour is time consuming in U-shaped environments."""
