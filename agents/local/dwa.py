@@ -22,6 +22,9 @@ Chosen here:
   at most, where the paper has a large constant;
 - standing has the free way along the heading that it then has: with a large constant, a robot that comes to little speed
   in a decision would rather stand than begin toward anything within `look`;
+- who faces the goal and would stand begins as fast as he can: circles at little speed are short, so that a robot which comes
+  to no more in a decision would stand for ever, in the open too;
+- who has turned once round with the goal on the inner side all the while turns to it on the spot, and goes on from there;
 - the side of the turn on the spot: to the nearest bearing whose free way counts as whole, or, where none does, to the one
   with the longest; as far round on both sides, to the goal's; it is kept until a velocity gets on;
 - a robot that drives any way without turning has speeds and directions for velocities, and straight ways; any direction
@@ -41,7 +44,7 @@ import numpy as np
 from bug_gym import kernels
 from bug_gym.agents.local.windows import Window, weigh_window
 from bug_gym.agents.parameters import Length, Weight, require_numbers
-from bug_gym.geometry import F64, velocity_along
+from bug_gym.geometry import F64, velocity_along, wrap
 from bug_gym.kinematics import TURN_GAIN, TURN_IN_PLACE
 from bug_gym.policy import CREEP, Drawing, Memory, ScriptedPolicy, Velocity, braking_radius
 from bug_gym.view import Sensors, View
@@ -54,6 +57,10 @@ LEAST = 0.02
 """A speed below this share of the greatest does not get the robot on."""
 ALIKE = 1e-6
 """Lengths of left and right that differ by less are the same, as observations round them [m]."""
+FACING = 0.01
+"""Who has the goal less than this aside faces it [rad]."""
+FACED = 0.1
+"""Who turns to the goal because circles lead round it turns until it is less than this aside [rad]."""
 BEHIND = math.radians(150.0)
 """Nowhere farther round than this is looked for room [rad]."""
 
@@ -70,6 +77,8 @@ class DWAMemory(Memory):
     """Whether an ackermann robot is to drive just that, not to turn in several moves."""
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where that was, odometry frame."""
+    round: float = 0.0
+    """How far it has turned to the side of the goal, which has been on that side all the while [rad]; left is positive."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +115,8 @@ class DWA(ScriptedPolicy):
         super().__init__(sensors, discrete=discrete, **parameters)
         drive = sensors.drive
         self.is_holonomic = drive.kinematics == "holonomic"
+        self._begins = drive.kinematics == "differential" and math.isfinite(drive.max_acceleration)
+        """Whether it may rather stand for want of speed than begin."""
         self.gain = min(TURN_GAIN, 1.0 / drive.step)
         rate = min(drive.max_turn_rate, 0.999 * self.gain * TURN_IN_PLACE)
         self.window = Window(
@@ -137,13 +148,17 @@ class DWA(ScriptedPolicy):
             scores = self._within_reach(view, speeds, seconds, scores)
         i, j = np.unravel_index(int(smoothed(scores, is_round=self.is_holonomic).argmax()), scores.shape)
         speed, second = float(speeds[i]), float(seconds[j])
-        memory.pose = view.pose
+        if speed == 0.0 and self._begins and abs(view.goal_bearing) < FACING:
+            speed = float(speeds[np.flatnonzero(np.isfinite(scores[:, j]))[-1]])
+        memory.round, memory.pose = self._gone_round(view, memory), view.pose
         if self.is_holonomic:
             memory.velocity = speed, second
             return velocity_along(second, speed)
         if self.window.is_steered:
             return self._steered(view, memory, speeds, scores, (speed, speed * second))
-        turns_on = memory.side != 0 and speed < LEAST * self.sensors.drive.max_speed
+        if abs(memory.round) >= 2.0 * math.pi and memory.side == 0:
+            speed, second = 0.0, min(max(self.gain * view.goal_bearing, -self.window.turn_rate), self.window.turn_rate)
+        turns_on = memory.side != 0 and speed < min(LEAST * self.sensors.drive.max_speed, float(speeds[-1]))
         if self._is_stuck(view, memory, speeds, scores) or turns_on:
             memory.mode = "turning"
             speed, second = 0.0, memory.side * self.window.turn_rate
@@ -152,6 +167,16 @@ class DWA(ScriptedPolicy):
         error = second / self.gain
         memory.velocity = speed * math.cos(error), second
         return velocity_along(error, max(speed, CREEP))
+
+    def _gone_round(self, view: View, memory: DWAMemory) -> float:
+        """How far it has turned to the side of the goal, which has been on that side all the while [rad]; left is positive.
+
+        Once round it is to face the goal before it counts anew.
+        """
+        if abs(memory.round) >= 2.0 * math.pi:
+            return memory.round if abs(view.goal_bearing) > FACED else 0.0
+        turned, side = wrap(view.heading - memory.pose[2]), view.goal[1]
+        return memory.round + turned if turned * side >= 0.0 and memory.round * side >= 0.0 else 0.0
 
     def _steered(self, view: View, memory: DWAMemory, speeds: F64, scores: F64, chosen: Velocity) -> Velocity:
         """What an ackermann robot goes toward: along what was chosen (`arc`), or about, in several moves."""

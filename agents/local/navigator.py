@@ -85,6 +85,7 @@ class Navigator:
             weight=parameters.contact_weight,
             steadiness=parameters.steadiness,
             rule=RULES[parameters.avoidance],
+            is_steered=drive.kinematics == "ackermann",
         )
         self._free = np.empty((HEADINGS, 2))
 
@@ -111,8 +112,10 @@ class Navigator:
             np.empty(3 * count + 3),
         )
         own = view.own_velocity
-        speed = math.hypot(*wish)
-        share = min(1.0, robot.max_speed / speed) if speed > 0.0 else 0.0
+        speed, most = math.hypot(*wish), robot.max_speed
+        if robot.is_steered:
+            most = min(most, math.hypot(*own) + robot.acceleration * robot.step)
+        share = min(1.0, most / speed) if speed > 0.0 else 0.0
         vx, vy, _ = choose_velocity(robot, around, Wish(share * wish[0], share * wish[1], way, *own))
         return vx, vy
 

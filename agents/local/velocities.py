@@ -55,6 +55,8 @@ class Robot(NamedTuple):
     """Weight of a change of velocity beside that of the distance to the wish [-]."""
     rule: int
     """PLAIN, RECIPROCAL or ORCA."""
+    is_steered: bool = False
+    """Whether it steers as a car does: its acceleration bounds the change of its speed, its direction changes at once."""
 
 
 class Wish(NamedTuple):
@@ -180,7 +182,10 @@ def is_admissible(robot: Robot, wish: Wish, speed: float, every: float, still: f
 @inlined
 def is_reachable(robot: Robot, wish: Wish, vx: float, vy: float) -> bool:
     """Whether a velocity is within the robot's limits, seen from what it does now."""
-    change = length(vx - wish.own_x, vy - wish.own_y)
+    if robot.is_steered:
+        change = abs(length(vx, vy) - length(wish.own_x, wish.own_y))
+    else:
+        change = length(vx - wish.own_x, vy - wish.own_y)
     return length(vx, vy) <= robot.max_speed * (1.0 + 1e-9) and (
         change <= robot.acceleration * robot.step * (1.0 + 1e-9) or length(vx, vy) == 0.0
     )
@@ -261,16 +266,25 @@ def try_edges(robot: Robot, around: Around, wish: Wish, share: float, best: Choi
     return best
 
 
+@inlined
+def goes_any_way(robot: Robot) -> bool:
+    """Whether it may take any direction in a step."""
+    return robot.is_steered or robot.acceleration * robot.step >= robot.max_speed
+
+
 @called
 def try_samples(robot: Robot, around: Around, wish: Wish, share: float, best: Choice) -> Choice:
     """Speeds and headings, evenly spread over what the robot can do in a step."""
     radius = robot.acceleration * robot.step
-    if radius >= robot.max_speed:
+    if goes_any_way(robot):
+        own = length(wish.own_x, wish.own_y)
+        least = max(own - radius, 0.0) if radius < robot.max_speed else 0.0
+        most = min(own + radius, robot.max_speed) if radius < robot.max_speed else robot.max_speed
         for j in range(HEADINGS):
             angle = 2.0 * math.pi * j / HEADINGS
             cos, sin = math.cos(angle), math.sin(angle)
             for k in range(1, SPEEDS + 1):
-                speed = robot.max_speed * k / SPEEDS
+                speed = least + (most - least) * k / SPEEDS
                 vx, vy = speed * cos, speed * sin
                 if is_reachable(robot, wish, vx, vy) and is_admissible(
                     robot, wish, speed, around.free[j, 0], around.free[j, 1]
@@ -344,7 +358,7 @@ def choose_velocity(robot: Robot, around: Around, wish: Wish) -> tuple[float, fl
     aim = wish
     if robot.rule == ORCA:
         aim = solve_half_planes(robot, around, wish)
-    if robot.acceleration * robot.step >= robot.max_speed:
+    if goes_any_way(robot):
         reach = 2.0 * robot.max_speed * max(robot.still_horizon, 1.0) + 1e3 * robot.step
         for j in range(HEADINGS):
             angle = 2.0 * math.pi * j / HEADINGS

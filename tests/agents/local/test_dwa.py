@@ -209,6 +209,54 @@ def test_who_stands_near_an_obstacle_begins_to_drive_however_little_speed_a_deci
     assert run_episode("dwa", world, overrides, max_steps=400).outcome == "success"
 
 
+@pytest.mark.parametrize(("step", "acceleration"), [(0.02, 0.3), (0.02, 1.0), (0.05, 0.5), (0.1, 0.1), (0.1, 0.3)])
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+def test_in_the_open_a_robot_that_turns_begins_however_weak_its_drive_is(
+    step: float, acceleration: float, heading: float
+) -> None:
+    """Circles at little speed are short: it had turned toward its goal, and stood there until time was up."""
+    world = {"family": "empty", "start": [0, 0, heading], "goal": [1, 2]}
+    scenario = {"world": world, "time": {"step": step}, "robot": {"kinematics": "differential"}}
+    episode = run_episode("dwa", scenario, {"robot.max_acceleration": acceleration})
+    assert episode.outcome == "success"
+    assert episode.length <= math.hypot(1.0, 2.0)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.3])
+@pytest.mark.parametrize("goal", [(0.2, 0.45), (0.2, -0.45), (-0.1, 0.7)])
+def test_a_goal_within_the_circle_that_it_drives_is_reached(goal: tuple[float, float], latency: float) -> None:
+    """It had gone round it at full speed until time was up; now it does so once."""
+    robot = {"kinematics": "differential", "latency": latency}
+    scenario = {"world": {"family": "empty", "start": [0, 0, 0], "goal": list(goal)}, "robot": robot}
+    episode = run_episode("dwa", scenario)
+    assert episode.outcome == "success"
+    turned = np.abs(np.diff(np.unwrap(episode.path[:, 2]))).sum()
+    assert turned <= 2.0 * math.pi + 2.0 * math.pi  # once round, and to the goal
+
+
+def test_who_turned_to_either_side_or_passed_the_goal_has_not_gone_round_it() -> None:
+    policy: Any = make_policy("dwa", Simulation("static", overrides={"robot.kinematics": "differential"}))
+
+    def gone(round_before: float, heading: float, aside: float) -> float:
+        view: Any = SimpleNamespace(heading=heading, goal=(1.0, aside), goal_bearing=math.atan2(aside, 1.0))
+        return float(policy._gone_round(view, DWAMemory(round=round_before)))
+
+    for side in (1.0, -1.0):
+        assert gone(3.0 * side, 0.1 * side, 0.5 * side) == pytest.approx(3.1 * side)
+        assert gone(3.0 * side, 0.0, 0.5 * side) == 3.0 * side
+        assert gone(3.0 * side, -0.1 * side, 0.5 * side) == 0.0  # turns the other way
+        assert gone(3.0 * side, 0.1 * side, -0.5 * side) == 0.0  # the goal is on the other side
+        assert gone(6.3 * side, 0.1 * side, 0.5 * side) == 6.3 * side  # once round: it is to face the goal
+        assert gone(6.3 * side, 0.1 * side, 0.05 * side) == 0.0  # it does
+
+
+def test_who_faces_a_wall_that_it_cannot_drive_up_to_does_not_begin() -> None:
+    wall = [[0.32, -5], [1, -5], [1, 5], [0.32, 5]]
+    scenario = {"world": {**BOX, "goal": [11, 0], "polygons": [wall]}, "robot": {"kinematics": "differential"}}
+    episode = run_episode("dwa", scenario, {"robot.max_acceleration": 0.3}, max_steps=100)
+    assert episode.outcome == "running" and episode.min_clearance > 0.0
+
+
 def test_each_weight_works() -> None:
     discs = [[3.0, 0.4, 0.5], [5.5, -1.2, 0.8], [8.0, 0.9, 0.6]]
     world = {"world": {**BOX, "goal": [11, 0], "circles": discs}, "lidar": {"beams": 180}}

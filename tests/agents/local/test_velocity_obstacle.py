@@ -115,6 +115,28 @@ def test_only_what_can_be_reached_in_a_step_is_chosen() -> None:
         assert math.hypot(vx - view.velocity[0], vy - view.velocity[1]) <= 0.1 + 1e-9
 
 
+def test_who_steers_changes_its_direction_at_once_and_its_speed_as_fast_as_it_can() -> None:
+    view = empty_view(**{"robot.kinematics": "ackermann", "robot.max_acceleration": 1.0})
+    navigator = Navigator(view.sensors, NavigatorParameters())
+    for bearing in (0.0, 1.5, -3.0):
+        wish = math.cos(bearing), math.sin(bearing)
+        assert navigator.velocity(view, wish, 8.0, np.zeros((0, 5))) == pytest.approx((0.1 * wish[0], 0.1 * wish[1]))
+        ahead = np.array([[2.0, 0.0, -1.0, 0.0, 0.4]])
+        assert math.hypot(*navigator.velocity(view, wish, 8.0, ahead)) <= 0.1 + 1e-9  # it stood before
+
+
+@pytest.mark.parametrize(("step", "acceleration"), [(0.02, 0.3), (0.02, 1.0), (0.05, 0.5), (0.1, 0.3), (0.1, 1.0)])
+@pytest.mark.parametrize("policy", ["velocity_obstacle", "d2t_eaco"])
+def test_a_car_with_inertia_comes_to_a_goal_beside_it(policy: str, step: float, acceleration: float) -> None:
+    """It had steered by as little as a body in space changes its direction, and gone round the goal until time was up."""
+    for heading, goal in ((0.0, [1.0, 2.0]), (2.5, [1.0, 3.0]), (-1.5, [1.0, 0.7])):
+        world = {"family": "empty", "start": [0, 0, heading], "goal": goal}
+        scenario = {"world": world, "time": {"step": step, "limit": 30.0}, "robot": {"kinematics": "ackermann"}}
+        episode = run_episode(policy, scenario, {"robot.max_acceleration": acceleration})
+        assert episode.outcome == "success"
+        assert episode.length <= math.hypot(*goal) + 1.0
+
+
 # ------------------------------------------------------------------------------------------------ rule by rule
 
 
