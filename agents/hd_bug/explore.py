@@ -86,6 +86,9 @@ class Explorer:
         memory.light, walls = self.perception.light_up(scene)
         memory.walls = walls
         node = memory.path.visit(scene.view.position, memory.odometer, memory.light)
+        if self.without == "path_list" and memory.door is not None:  # it goes on to its door: that needs no list
+            memory.door.owner = node.number
+            node.doors.append(memory.door)
         self._close(scene, memory, walls, node)
         if self.without != "candidates":
             self._open(scene, memory, walls, node)
@@ -101,7 +104,7 @@ class Explorer:
         outside = np.array([door.outside for door in doors])
         closed, solid = self._is_light(memory, outside), self._is_solid(walls, doors)
         if self.without == "backtracking":
-            closed |= np.array([door.owner != here.number for door in doors])
+            closed |= np.array([door.owner != here.number and door is not memory.door for door in doors])
         for door, is_closed, is_solid in zip(doors, closed.tolist(), solid.tolist(), strict=True):
             if is_solid:
                 # From elsewhere it would seem to be a door again.

@@ -22,8 +22,19 @@ WORLDS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """What kernels are compiled for -> a scenario of that kind, with overrides."""
 
-DRIVEN = 12.0
-"""Seconds of an episode that policies are driven for: whole ones compile nothing that ten seconds do not."""
+POLICIES: dict[str, float] = {
+    **dict.fromkeys(("dynamic", "terrain", "moving_target", "u_trap", "maze"), 12.0),
+    **dict.fromkeys(("replay", "ackermann", "corridor_swap", "rectangle_pair"), 5.0),
+    "jackal": 1.0,
+}
+"""Scenarios that each policy is driven in -> seconds of an episode: whole ones compile nothing more.
+
+Movers, weighted ground, a target, a trap, a maze, recorded people; a car, two robots in a world that turn and two that go any
+way; a long robot with inertia, whose commands act late.
+"""
+
+TEAMS: dict[str, float] = {"corridor_swap": 5.0, "oni_wang_pair": 60.0}
+"""The same for teams."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,18 +88,40 @@ def _draw() -> None:
 
 
 def _use_policies() -> Iterator[str]:
-    """Begin to drive each policy among movers, over weighted ground, after a target, in a trap and in a maze."""
-    from bug_gym.agents import AGENTS, playable_names  # loads the compiler
-    from bug_gym.evaluation import evaluate  # loads the compiler
+    """Begin to drive each policy, and each team, in worlds of each kind."""
+    from bug_gym.agents import AGENTS, playable_names, team_names  # loads the compiler
+    from bug_gym.agents.prediction import predictor_names  # loads the compiler
 
-    names = [name for name in playable_names() if name in AGENTS and not AGENTS[name].model]
-    scenarios = ["dynamic", "terrain", "moving_target", "u_trap", "maze"]
-    for name in names:
-        asked: list[tuple[Any, str | list[str]]] = [(name, scenarios)]
+    for name in playable_names():
+        if name not in AGENTS or AGENTS[name].model:
+            continue
+        for scenario, seconds in POLICIES.items():
+            _drive(name, scenario, seconds)
         if name == "d_star_lite":
-            asked.append(({"name": name, "label": "unknown terrain", "parameters": {"known": False}}, "maze"))
+            _drive(name, "maze", 12.0, known=False)
         if name in ("a_star", "dijkstra", "theta_star", "d_star_lite"):
-            asked.append(({"name": name, "label": "weighed ground", "parameters": {"terrain": True}}, "terrain"))
-        for policy, where in asked:
-            evaluate([policy], where, episodes=1, overrides={"time.limit": DRIVEN})
+            _drive(name, "terrain", 12.0, terrain=True)
         yield name
+    for name in team_names():
+        for scenario, seconds in TEAMS.items():
+            _drive(name, scenario, seconds)
+        yield name
+    for name in predictor_names():
+        _drive("hd_bug", "dynamic", 12.0, predictor=name)
+        yield f"predictor {name}"
+
+
+def _drive(name: str, scenario: str, seconds: float, **parameters: Any) -> None:
+    """Begin to drive a policy in a scenario, unless its robot is one that this policy refuses."""
+    from bug_gym.agents import AGENTS, make_policy  # loads the compiler
+    from bug_gym.config import load  # loads pydantic
+    from bug_gym.evaluation import evaluate  # loads the compiler
+    from bug_gym.policy import MisfitError  # loads the compiler
+
+    if name not in AGENTS or not AGENTS[name].privileged:  # who reads the map needs a world, and drives any robot
+        try:
+            make_policy(name, load(scenario))
+        except MisfitError:
+            return
+    policy = {"name": name, "parameters": parameters}
+    evaluate([policy], scenario, episodes=1, overrides={"time.limit": seconds})

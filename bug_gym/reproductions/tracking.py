@@ -4,8 +4,10 @@ A plain driver goes through still worlds (mazes, rooms, fields, real maps) and t
 range noise of 0 and 0.03 m, and 64 to 360 beams; the tracker sees the same scans, and is judged by the truth of the
 simulation. In a still world no track may be called moving at any time. Among movers the counts are those of multiple
 object tracking; a mover is to be known within 0.6 s of being in sight: met by three beams or more and by half of those
-toward it, nearer than nine tenths of the range, at 0.2 m/s or more. Real maps and recorded pedestrians are taken from
-the folder of `--data`, where it is given.
+toward it, nearer than nine tenths of the range, at 0.2 m/s or more. That is asked of each time that one comes into sight,
+also of those that had been known just before and of which the beams had been too few for a moment; and of each mover once,
+when it has stayed in sight for 0.6 s for the first time. Real maps and recorded pedestrians are taken from the folder of
+`--data`, where it is given.
 
 The filter's own numbers are held against what came: the squared innovations (NIS) against their 95 % bound, 5.99, and the
 errors of the centres against 1 and 2 sigma of the reported covariance (39.3 % and 86.5 % of a Gaussian in the plane).
@@ -133,8 +135,9 @@ def ghost_numbers(worlds: Sequence[Counts]) -> dict[str, Any]:
 
 def mover_numbers(worlds: Sequence[Counts]) -> dict[str, Any]:
     """How movers were known in some worlds; shares and means that nothing went into are None."""
-    seen, misses, false, switches = (
-        sum(getattr(counts, name) for counts in worlds) for name in ("seen", "misses", "false", "switches")
+    seen, misses, false, switches, known_before, firsts, firsts_known = (
+        sum(getattr(counts, name) for counts in worlds)
+        for name in ("seen", "misses", "false", "switches", "known_before", "firsts", "firsts_known")
     )
     waits, gaps, innovations, errors = (
         np.array([value for counts in worlds for value in getattr(counts, name)])
@@ -145,6 +148,9 @@ def mover_numbers(worlds: Sequence[Counts]) -> dict[str, Any]:
         "came_into_sight": len(waits),
         "known_in_time": share(waits <= CONFIRMED_IN + 1e-6),
         "known_in_twice": share(waits <= 2.0 * CONFIRMED_IN + 1e-6),
+        "known_before": known_before,
+        "firsts": firsts,
+        "firsts_known": round(firsts_known / firsts, 4) if firsts else None,
         "seen": seen,
         "misses": misses,
         "false": false,
@@ -171,6 +177,9 @@ def check(ghosts: dict[str, Any], known: dict[str, Any]) -> Iterator[tuple[str, 
     for label, one in known.items():
         if one["known_in_time"] is not None:
             yield f"{label}: 95 % of the movers are known within {CONFIRMED_IN} s", one["known_in_time"] >= ASKED_SHARE
+        if one.get("firsts_known") is not None:  # a record from before it was asked has none
+            told = f"{label}: 95 % of the movers are known once they have first been in sight for {CONFIRMED_IN} s"
+            yield told, one["firsts_known"] >= ASKED_SHARE
 
 
 def still_table(ghosts: dict[str, Any]) -> Table:
@@ -190,12 +199,14 @@ def still_table(ghosts: dict[str, Any]) -> Table:
 def mover_table(known: dict[str, Any]) -> Table:
     """Movers by family."""
     names = (
-        *("came_into_sight", "known_in_time", "known_in_twice", "seen", "misses", "false", "switches"),
+        *("came_into_sight", "known_before", "known_in_time", "known_in_twice", "firsts", "firsts_known"),
+        *("seen", "misses", "false", "switches"),
         *("mota", "motp", "ghosts"),
     )
     rows = [[label, str(one["worlds"]), *(cell(one[name]) for name in names)] for label, one in known.items()]
-    header = ["worlds", "number", "came into sight", f"known in {CONFIRMED_IN} s", f"in {2 * CONFIRMED_IN} s", "times in sight",
-              "misses", "false", "switches", "MOTA", "MOTP [m]", "still things called moving"]  # fmt: skip
+    header = ["worlds", "number", "came into sight", "known before", f"known in {CONFIRMED_IN} s", f"in {2 * CONFIRMED_IN} s",
+              f"movers in sight for {CONFIRMED_IN} s", "known by then", "times in sight", "misses", "false", "switches", "MOTA",
+              "MOTP [m]", "still things called moving"]  # fmt: skip
     return Table("Movers: when they were known, and how they were followed", header, rows)
 
 

@@ -76,7 +76,17 @@ class Counts:
     gaps: list[float] = field(default_factory=list)
     """Distances of tracks from the true centres [m]."""
     waits: list[float] = field(default_factory=list)
-    """Times from coming into sight until known [s]; infinite: not known while it was in sight."""
+    """Times from coming into sight until known [s]; infinite: not known while it was in sight.
+
+    Whatever comes into sight again counts again, known or not. One that was not known when it left sight sooner than
+    CONFIRMED_IN does not count.
+    """
+    known_before: int = 0
+    """How many of these had been known just before they came into sight."""
+    firsts: int = 0
+    """Movers that were in sight for CONFIRMED_IN without a break: each once, the first time."""
+    firsts_known: int = 0
+    """Of these, those that had been known by then, since they came into sight."""
     innovations: list[float] = field(default_factory=list)
     """Squared Mahalanobis distances of measured places."""
     errors: list[float] = field(default_factory=list)
@@ -180,6 +190,10 @@ class Judge:
         self._since: F64 = np.full(movers, math.inf)
         """When each came into sight."""
         self._waiting = np.zeros(movers, dtype=np.bool_)
+        self._known_before = np.zeros(movers, dtype=np.bool_)
+        self._was_known = np.zeros(movers, dtype=np.bool_)
+        """Whether each has been known since it came into sight."""
+        self._stayed = np.zeros(movers, dtype=np.bool_)
         self._numbers: dict[int, int] = {}
 
     def take(self, frame: Frame, tracks: Tracks) -> None:
@@ -231,6 +245,13 @@ class Judge:
         self._waiting &= in_sight & ~is_known
         self._since[~in_sight] = math.inf
         asked = in_sight & (lasted >= CONFIRMED_IN - 1e-9)
+        self.counts.known_before += int((is_new & is_known & self._known_before).sum())
+        self._known_before = is_known
+        self._was_known = in_sight & (self._was_known | is_known)
+        first = asked & ~self._stayed
+        self._stayed |= first
+        self.counts.firsts += int(first.sum())
+        self.counts.firsts_known += int((first & self._was_known).sum())
         self.counts.seen += int(asked.sum())
         self.counts.misses += int((asked & ~is_known).sum())
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from bug_gym.agents import AGENTS
-from bug_gym.commands.warm_up import WORLDS
+from bug_gym.agents import AGENTS, TEAMS
+from bug_gym.commands.warm_up import POLICIES, WORLDS
+from bug_gym.config import Scenario, load, scenario_names
 
 Used = set[tuple[str, str]]
 """Kernels by name, and the arguments that they were compiled for."""
@@ -39,6 +40,14 @@ env.reset(seed=0)
 env.step(env.action_space.sample())
 evaluate(["bug2", "tangent_bug", "hd_bug", "hd_bug_map"], "moving_target", episodes=1)
 evaluate(["go_to_goal", "hd_bug", "minimum_risk"], ["dynamic", "terrain", "u_trap"], episodes=1)
+for policies, scenarios in (
+    (["go_to_goal", "bug0", "vis_bug_21", "hd_bug_map", "operative_critical_point_bug"], ["ackermann", "jackal"]),
+    (["random", "go_to_goal", "orca", "modified_critical_point_bug"], ["rectangle_pair", "corridor_swap"]),
+    (["bfs", "d_star"], "replay"),
+    (["com1_rev3", "bug1_pair"], "oni_wang_pair"),
+    ("hd_bug:predictor=supervised", "dynamic"),
+):
+    evaluate(policies, scenarios, episodes=1, overrides={"time.limit": 5.0})
 """
 FIRST = """
 from bug_gym.cli import main
@@ -68,13 +77,32 @@ def used(printed: str) -> Used:
     return {(name, which) for name, which in json.loads(printed)}
 
 
+Kind = tuple[bool, str, bool, bool, bool]
+
+
+def kind(scenario: Scenario) -> Kind:
+    """What of robots has kernels of its own: several in a world, how they drive, a long body, inertia, latency."""
+    robot = scenario.robot
+    return (
+        scenario.robots.count > 1,
+        robot.kinematics,
+        len(robot.circles or ()) > 1,
+        robot.max_acceleration is not None,
+        robot.latency > 0.0,
+    )
+
+
+def test_policies_are_driven_as_robots_of_each_kind_that_scenarios_have() -> None:
+    assert {kind(load(name)) for name in scenario_names()} == {kind(load(name)) for name in POLICIES}
+
+
 @pytest.mark.slow
 def test_after_a_warm_up_nothing_is_left_to_compile(tmp_path: Path) -> None:
     """All kernels that come to be used, for the arguments that they get, are among those that it uses."""
     *told, kept, printed = run(WARM_UP, tmp_path).stdout.splitlines()
     named = [line.partition(" s  ")[2] for line in told]
     assert named[: len(WORLDS)] == list(WORLDS)
-    assert {name for name, agent in AGENTS.items() if not agent.model} <= set(named)
+    assert {*TEAMS, *(name for name, agent in AGENTS.items() if not agent.model)} <= set(named)
     assert " kernels are kept under " in kept
     warm, later = used(printed), used(run(USE + USED, tmp_path).stdout)
     assert len({name for name, _ in later}) > 20

@@ -241,6 +241,27 @@ def test_without_a_part_a_world_ends_otherwise(part: str) -> None:
     assert whole[:2] != less[:2] or abs(whole[2] - less[2]) > 0.05
 
 
+@pytest.mark.parametrize("part", ["backtracking", "path_list"])
+def test_who_has_no_way_back_still_goes_on_to_its_door(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It gives the door up when that is lit or leads into something, as the whole does; all doors of older nodes are closed."""
+    look, kept = explore.Explorer.look, []
+
+    def watched(explorer: Any, scene: Scene, memory: Any) -> bool:
+        door, has_looked = memory.door, look(explorer, scene, memory)
+        if has_looked and door is not None:
+            is_lit = explorer._is_light(memory, np.array([door.outside]))[0]
+            is_solid = explorer._is_solid(memory.walls, [door])[0]
+            kept.append(memory.door is door)
+            assert kept[-1] != (is_lit or is_solid)
+        if has_looked:
+            assert all(door is memory.door or door.owner == memory.path.here.number for door in memory.path.doors)
+        return has_looked
+
+    monkeypatch.setattr(explore.Explorer, "look", watched)
+    run_episode("hd_bug", "rooms", {"time.limit": 60.0}, seed=0, without=part)
+    assert kept.count(True) > 10 and kept.count(False) > 10
+
+
 # ----------------------------------------------------------------------------------------------------- what moves
 
 

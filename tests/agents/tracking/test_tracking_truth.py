@@ -11,6 +11,7 @@ import pytest
 from tracked import disc, last_tracks, track, world_of
 
 from bug_gym.agents.tracking.tracker import Tracker
+from bug_gym.reproductions import tracking_runs
 from bug_gym.reproductions.tracking import VARIANTS, mover_numbers, watch
 from bug_gym.reproductions.tracking_runs import Counts, Frame, Judge, frames, judge
 
@@ -184,6 +185,38 @@ def test_the_judge_counts_what_it_is_shown() -> None:
         blind.take(frame, tracks)
     assert (blind.counts.misses, blind.counts.switches, blind.counts.false) == (3 + 1, 1, 1)
     assert len(blind.counts.ghosts) == 1
+
+
+@pytest.mark.parametrize(("blind", "in_time"), [(0, 1), (9, 0)])
+def test_who_comes_into_sight_again_counts_again_and_each_mover_counts_once(
+    blind: int, in_time: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One mover, out of sight for two scans after 1.2 s; in the first `blind` scans nothing is called moving."""
+    seen = list(frames(world_of([disc((3.0, -1.0), (0.0, 0.5))], noise=0.01), 0, "go_to_goal", seconds=2.5))
+    hidden = {seen[number].time for number in (12, 13)}
+    monkeypatch.setattr(tracking_runs, "is_in_sight", lambda frame: np.array([frame.time not in hidden]))
+    tracker, found = Tracker(seen[0].view.sensors), Judge(1)
+    memory = tracker.start()
+    for number, frame in enumerate(seen):
+        tracks = tracker.update(memory, frame.view, frame.time)
+        if number < blind:
+            tracks = tracks._replace(moving=np.zeros_like(tracks.moving))
+        found.take(frame, tracks)
+    counts = found.counts
+    assert len(counts.waits) == 2 and (counts.waits[0] <= 0.6 + 1e-6) == bool(in_time) and counts.waits[1] == 0.0
+    assert (counts.known_before, counts.firsts, counts.firsts_known) == (1, 1, in_time)
+
+
+@pytest.mark.parametrize("seconds", [0.4, 0.6, 0.9])
+def test_who_leaves_sight_sooner_is_not_asked_of_whether_known_or_not(
+    seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = list(frames(world_of([disc((3.0, -1.0), (0.0, 0.5))], noise=0.01), 0, "go_to_goal", seconds=2.0))
+    times = [frame.time for frame in seen]
+    end = times[1] + seconds + 1e-6
+    monkeypatch.setattr(tracking_runs, "is_in_sight", lambda frame: np.array([frame.time < end]))
+    counts = judge(seen)
+    assert counts.firsts == int(seconds >= 0.6)
 
 
 def test_a_frame_of_nothing_is_no_error() -> None:
