@@ -8,9 +8,12 @@ not matter. Each node needs this package, of the same source, and what jobs name
 from __future__ import annotations
 
 import logging
+import os
 import pickle
+import signal
 import socket
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -37,6 +40,10 @@ PATIENCE = 60.0
 """How long a cluster may be without any core [s]: one that grows on demand takes a while."""
 REACHABLE = 5.0
 """Time in which the head of a cluster has to answer [s]."""
+GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
+"""How a client of HTTP/2 begins (RFC 9113, section 3.4), which the head of a cluster speaks: then come settings, here none."""
+ANSWER, KIND, SETTINGS = 9, 3, 4
+"""How many bytes a server of HTTP/2 begins with, which of them tells what comes, and how it says that they are settings."""
 
 
 class OtherSourceError(ValueError):
@@ -188,8 +195,11 @@ def connected(address: str) -> Iterator[Cluster]:
         return
     if address != "auto":
         _require_answer(address)
+    elif _is_place(named := os.environ.get("RAY_ADDRESS", "")):
+        _require_answer(named, ", which RAY_ADDRESS names")
     try:
-        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+        with _own_ending():
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0]
         raise ValueError(f"no cluster to be used at {shortened(address)}: {reason}") from None
@@ -199,12 +209,44 @@ def connected(address: str) -> Iterator[Cluster]:
         ray.shutdown()
 
 
-def _require_answer(address: str) -> None:
-    """Refuse at once what Ray itself would wait for a minute or longer."""
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal() or "/" in host:
-        raise ValueError(f"got {shortened(address)} as the address of a cluster, expected auto or HOST:PORT")
+@contextmanager
+def _own_ending() -> Iterator[None]:
+    """Keep what a SIGTERM was to do, where somebody has said it: Ray ends the process with a report of its own instead."""
+    asked = signal.getsignal(signal.SIGTERM)
     try:
-        socket.create_connection((host, int(port)), REACHABLE).close()
+        yield
+    finally:
+        if callable(asked) and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, asked)
+
+
+def _is_place(address: str) -> bool:
+    """Whether an address is HOST:PORT."""
+    host, _, port = address.rpartition(":")
+    return bool(host) and port.isdecimal() and "/" not in host
+
+
+def _require_answer(address: str, whence: str = "") -> None:
+    """Refuse at once what Ray itself would wait for some minutes, in which it hears no signal.
+
+    Args:
+        address: of the head.
+        whence: who has named it, as an error says it; "": the caller.
+
+    Raises:
+        ValueError: it is no address, or no head answers there.
+    """
+    if not _is_place(address):
+        raise ValueError(f"got {shortened(address)} as the address of a cluster, expected auto or HOST:PORT")
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host, int(port)), REACHABLE) as line:
+            if os.environ.get("RAY_USE_TLS", "0").lower() in ("1", "true"):  # whose answer only Ray can read
+                return
+            line.sendall(GREETING)
+            with line.makefile("rb") as stream:
+                answer = stream.read(ANSWER)
     except (OSError, OverflowError) as error:
-        raise ValueError(f"no cluster answers at {address}: {error}") from None
+        raise ValueError(f"no cluster answers at {address}{whence}: {error}") from None
+    if len(answer) < ANSWER or answer[KIND] != SETTINGS:
+        raise ValueError(f"no cluster answers at {address}{whence}: what does is no head of one, is it another port?")

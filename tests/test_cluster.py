@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from signals import as_from_a_terminal
 
 from bug_gym import cluster as cluster_module
 from bug_gym.cli import main
@@ -183,6 +190,67 @@ def test_a_cluster_that_is_not_there_is_told_in_one_line(
     assert main(arguments) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"bug-gym: error: {told}") and said.count("\n") == 1
+
+
+@contextmanager
+def listening(greeting: bytes | None) -> Iterator[str]:
+    """The address of what takes a connection and says something, then ends it; None: it says nothing and waits."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        over = threading.Event()
+
+        def serve() -> None:
+            line, _ = server.accept()
+            with line:
+                if greeting is None:
+                    over.wait(60.0)
+                else:
+                    line.sendall(greeting)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize("greeting", [None, b"", b"SSH-2.0-OpenSSH_9.9\r\n", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+@pytest.mark.parametrize("is_named", [False, True])
+def test_what_listens_and_is_no_cluster_is_told_at_once(
+    greeting: bytes | None, is_named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "REACHABLE", 0.5)
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", lambda **_: pytest.fail("Ray would wait for some minutes"))
+    with listening(greeting) as address:
+        monkeypatch.setenv("RAY_ADDRESS", address)
+        told = f"no cluster answers at {address}{', which RAY_ADDRESS names' if is_named else ''}: "
+        with pytest.raises(ValueError, match=told), connected("auto" if is_named else address):
+            pass
+
+
+def test_a_cluster_that_encrypts_is_left_to_ray(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAY_USE_TLS", "1")
+    with listening(b"") as address:
+        cluster_module._require_answer(address)
+
+
+@pytest.mark.slow
+def test_a_signal_ends_an_evaluation_on_a_cluster_as_one_without(nodes: Nodes, tmp_path: Path) -> None:
+    nodes.mend()
+    root, rows = Path(__file__).resolve().parents[1], tmp_path / "out" / "rows.jsonl"
+    asked = ["--scenario", "moving_target", "--policies", "bug2", "--episodes", "4000", "--cluster", nodes.address]
+    command = [sys.executable, "-m", "bug_gym", "evaluate", *asked, "--out", str(tmp_path / "out")]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    process = subprocess.Popen(
+        command, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, preexec_fn=as_from_a_terminal
+    )
+    deadline = time.monotonic() + 240.0
+    while not (rows.exists() and rows.stat().st_size) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.terminate()
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM, said
+    assert said.splitlines()[-1].endswith("keeps what is done, the same command goes on") and "SIGTERM" not in said
 
 
 def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,6 +28,8 @@ CHECKPOINT = "checkpoint.pt"
 """File of a training's folder that it goes on from."""
 MAGIC = b"bug_gym checkpoint, sha256 of what follows: "
 """What it begins with, before the checksum and a line break; then comes what torch has written."""
+CODE = ("torch", "stable_baselines3", "numpy", "numba", "bug_gym_source")
+"""Of its identity what tells which code has saved it: what goes on with other code ends with another model."""
 
 
 class Rollouts(RolloutBuffer):
@@ -101,8 +103,16 @@ def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
         raise ValueError(f"{path} is damaged: it holds no checkpoint")
     for name, value in identity.items():
         if state["identity"].get(name) != value:
-            raise ValueError(f"{path} is of another training: {name} was {state['identity'].get(name)}, is now {value}")
+            raise ValueError(f"{path} {_told_other(name, state['identity'].get(name), value)}")
     return state
+
+
+def _told_other(name: str, was: Any, now: Any) -> str:
+    """What tells a checkpoint from a training that would go on from it, and what to do, as an error goes on."""
+    change = f"{name} was {was}, is now {now}"
+    if name in CODE:
+        return f"was saved by other code ({change}), it goes on with that alone: give a new --out, or remove it to begin again"
+    return f"is of another training: {change}{f'; --threads {was} goes on with it' if name == 'threads' else ''}"
 
 
 def restore(model: PPO, env: TrainingEnv, state: Mapping[str, Any]) -> Progress:

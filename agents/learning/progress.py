@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import torch
+from stable_baselines3.common.logger import TensorBoardOutputFormat
 
 from bug_gym.agents.learning.folder import Entered, Point
 from bug_gym.files import replaced_when_done
@@ -40,3 +41,19 @@ def write_curve(path: Path, points: Sequence[Point]) -> None:
         writer = csv.DictWriter(file, list(Point.__annotations__))
         writer.writeheader()
         writer.writerows(asdict(point) for point in points)
+
+
+class Events(TensorBoardOutputFormat):
+    """TensorBoard's events of a run, which hide those that an earlier run of the training has written of what is to come.
+
+    Args:
+        folder: where they go.
+        begin: steps of the training at which the run begins.
+    """
+
+    def __init__(self, folder: Path, begin: int) -> None:
+        from torch.utils.tensorboard import SummaryWriter
+
+        # SB3's own way of making one would begin a file of events that hides nothing.
+        self.writer = SummaryWriter(log_dir=str(folder), purge_step=begin)
+        self._is_closed = False

@@ -2,7 +2,7 @@
 
 Each lies in a folder of its own, `best-STEPS`, which appears whole; only then the one before goes. So a kill at any moment
 leaves a whole one, and never files of two. A run that begins again finds what the one before has left: its model stays until
-there is one that did as well, and its curve gets another name.
+there is one that did as well, and its curve gets another name. The model of a run that --minutes have ended stays likewise.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,17 @@ from typing import Any
 import torch
 from stable_baselines3.common.policies import BasePolicy
 
-from bug_gym.agents.learning.folder import CONFIG, Point, models_so_far, place_of
-from bug_gym.agents.learning.models import write_agent
+from bug_gym.agents.learning.folder import (
+    CONFIG,
+    GRAPH,
+    WEIGHTS,
+    Point,
+    models_so_far,
+    place_of,
+    read_checked,
+    read_config,
+)
+from bug_gym.agents.learning.models import gather, write_agent
 from bug_gym.agents.learning.progress import CURVE, Progress
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import AnySettings
@@ -97,6 +106,25 @@ class BestSoFar:
         runs = {str(self._seed): {**run, "held_out": {}}}
         with moved_when_done(self._folder / ".best.partial", path) as stage, lent(network, progress.best):
             write_agent(stage, network, self._settings, self._robot, runs, self._data, self._dataset)
+
+    def put_by_ended(self, progress: Progress) -> None:
+        """Keep the model of a run that --minutes have ended, where it did better than the one that is to take its place.
+
+        A run that goes on from the checkpoint does not come by that model's last validation, which the end alone had asked for.
+        """
+        if not (self._folder / CONFIG).exists():
+            return
+        config, best = read_config(self._folder), progress.best_point
+        assert best is not None
+        ended = config["runs"][str(config["seed"])]["best"]
+        path = self._folder / f"best-{ended['steps']}"
+        if ended["success"] <= best.success or path.exists():
+            return
+        with suppress(ValueError):  # of a damaged one nothing is lost
+            for name in (GRAPH, WEIGHTS):
+                read_checked(self._folder / name, config["sha256"][name])
+            with moved_when_done(self._folder / ".best.partial", path) as stage:
+                gather([self._folder], stage)
 
     def clear(self, progress: Progress) -> None:
         """Remove them, as the model itself is there, but for those of an earlier run that did better."""

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.policies import BasePolicy
 
 from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
@@ -43,7 +44,7 @@ from bug_gym.agents.learning.folder import (
 from bug_gym.agents.learning.history import with_history
 from bug_gym.agents.learning.models import gather, load_weights, write_agent
 from bug_gym.agents.learning.networks import RobotEncoding
-from bug_gym.agents.learning.progress import CURVE, Progress, write_curve
+from bug_gym.agents.learning.progress import CURVE, Events, Progress, write_curve
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     AnySettings,
@@ -63,6 +64,7 @@ from bug_gym.files import one_writer, out_path
 from bug_gym.held_out import ENDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, Played, play
 from bug_gym.limits import MOST_EPISODES, MOST_TRAININGS, MOST_WORKERS
 from bug_gym.log import warn_once
+from bug_gym.references import source_digest
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
 
@@ -555,7 +557,8 @@ def _train_in(
     begin_with(model.policy, begun)
     goes_on = isinstance(model, PPO) and (folder / CHECKPOINT).exists()
     kept, save = resume(model, env, folder / CHECKPOINT, identity_of(settings, seed))
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"] if tensorboard else []))
+    events = [Events(folder / "tensorboard", model.num_timesteps)] if tensorboard else []
+    model.set_logger(Logger(str(folder), list[KVWriter](events)))
     left = settings.n_timesteps - model.num_timesteps
     if not goes_on:
         keep_earlier_curve(folder)
@@ -567,6 +570,7 @@ def _train_in(
         if save is not None and not keeper.is_over:
             report.stage(SAVING)
             save()
+        best.put_by_ended(kept)
         write_best(folder, settings, model.policy, kept, seed, report=report)
     best.clear(kept)
     env.close()
@@ -633,6 +637,8 @@ def identity_of(settings: AnySettings, seed: int) -> dict[str, Any]:
         "seed": seed,
         "threads": torch.get_num_threads(),
         "torch": str(torch.__version__),
+        **{name: version(name) for name in ("stable_baselines3", "numpy", "numba")},
+        "bug_gym_source": source_digest()[:16],
     }
 
 

@@ -30,6 +30,7 @@ from bug_gym.checks import shortened
 from bug_gym.config import Scenario, dump, load
 from bug_gym.geometry import F32, F64
 from bug_gym.scenarios import as_explicit
+from bug_gym.schema.robot import Odometry
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
@@ -57,7 +58,7 @@ class Moment(NamedTuple):
     tracks: Tracks
     """Tracks of true movers (T,)."""
     places: F64
-    """Where these were at K later times (T, K, 2), in the odometry frame [m]."""
+    """Where these were at K later times (T, K, 2), in the odometry frame as it then lay [m]."""
 
 
 class Samples(NamedTuple):
@@ -182,22 +183,23 @@ def moments(
     observation = simulation.reset(seeds=[seed])[:, 0]
     tracker = Tracker(sensors)
     memory = tracker.start()
-    x, y, heading = simulation.world.pose[0, 0].tolist()
-    to_start = frame_of(x, y, heading)
+    to_start = frame_of(*simulation.world.pose[0, 0].tolist())
+    is_exact = scenario.odometry == Odometry()
     ahead = np.rint(times / step).astype(int)
     limit, running = round(seconds / step), True
-    waiting: list[tuple[int, Tracks, NDArray[np.int64]]] = []
+    waiting: list[tuple[int, Tracks, NDArray[np.int64], Callable[[F64], F64]]] = []
     courses: list[F64] = []
     number = 0
     while running or number <= (waiting[-1][0] + ahead[-1] if waiting else 0):
         centres, radii = movers_of(simulation)
-        courses.append(to_start(centres))
+        courses.append(centres)
         if running:
             tracks = tracker.update(memory, View(observation[0], sensors), number * step)
             if number % every == 0:
-                chosen, movers = match(tracks, courses[-1], radii)
+                to_odometry = to_start if is_exact else estimated_frame(simulation)
+                chosen, movers = match(tracks, to_odometry(centres), radii)
                 if len(chosen):
-                    waiting.append((number, tracks.select(chosen), movers))
+                    waiting.append((number, tracks.select(chosen), movers, to_odometry))
             action, state = driver.predict(observation, state)
             transition = simulation.step(action[:, None])
             observation = transition.observation[:, 0]
@@ -206,8 +208,8 @@ def moments(
         else:
             simulation.step(np.zeros((1, 1, 2)))
         number += 1
-    for begin, tracks, movers in waiting:
-        places = np.stack([courses[begin + later][movers] for later in ahead], axis=1)
+    for begin, tracks, movers, to_odometry in waiting:
+        places = np.stack([to_odometry(courses[begin + later])[movers] for later in ahead], axis=1)
         there = np.isfinite(places).all(axis=(1, 2))
         if there.any():
             yield Moment(tracks.select(np.flatnonzero(there)), places[there])
@@ -218,6 +220,17 @@ def frame_of(x: float, y: float, heading: float) -> Callable[[F64], F64]:
     cos, sin = math.cos(heading), math.sin(heading)
     turn = np.array([[cos, -sin], [sin, cos]])
     return lambda places: (places - [x, y]) @ turn
+
+
+def estimated_frame(simulation: Simulation) -> Callable[[F64], F64]:
+    """Takes places (n, 2) of the world into the odometry frame, as the robot now takes it to lie.
+
+    In play this is where predictions stand: nobody knows there what odometry has got wrong, nor how it will.
+    """
+    to_robot = frame_of(*simulation.world.pose[0, 0].tolist())
+    ahead, left, turned = simulation.world.odometry[0, 0].tolist()
+    to_start = frame_of(0.0, 0.0, -turned)
+    return lambda places: to_start(to_robot(places)) + [ahead, left]
 
 
 def movers_of(simulation: Simulation) -> tuple[F64, F64]:

@@ -347,6 +347,27 @@ def test_a_better_model_of_an_earlier_run_outlives_the_end_of_a_later_one(
     assert f"{tmp_path}/best-64 of an earlier run did better in its validation" in caplog.text
 
 
+@pytest.mark.parametrize("later", [0.5, 0.8, 0.9])
+def test_a_model_that_minutes_ended_outlives_a_run_that_goes_on_and_does_worse(
+    later: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = tiny(save_freq=128, eval_freq=256, n_timesteps=1024)
+    monkeypatch.setattr(training, "play", lambda *_: Drove(0.5))
+    stop_after(monkeypatch, 0.8)
+    train(settings, tmp_path, threads=1, tensorboard=False, minutes=1e-9)
+    ended = read_config(tmp_path)["runs"]["0"]["best"]
+    assert ended["success"] == 0.8 and not list(tmp_path.glob("best-*"))
+    before = {name: (tmp_path / name).read_bytes() for name in ("policy.onnx", "policy.safetensors", "config.json")}
+    stop_after(monkeypatch, *[later] * 4)
+    train(settings, tmp_path, threads=1, tensorboard=False)
+    assert read_config(tmp_path)["runs"]["0"]["best"]["success"] == later
+    left = [tmp_path / f"best-{ended['steps']}"] if later < 0.8 else []
+    assert list(tmp_path.glob("best-*")) == left and not (tmp_path / ".best.partial").exists()
+    for path in left:
+        assert before.items() <= files_in(path).items() and "Ended by --minutes" in (path / "card.md").read_text()
+        assert f"{path} of an earlier run did better in its validation" in caplog.text
+
+
 def test_a_model_that_did_as_well_is_replaced_by_a_run_that_begins_again_and_kept_by_one_that_goes_on(
     tmp_path: Path, driven: Callable[..., None]
 ) -> None:
@@ -362,6 +383,35 @@ def test_a_model_that_did_as_well_is_replaced_by_a_run_that_begins_again_and_kep
     driven(tmp_path / "on", 0.5, settings=ppo)
     assert files_in(tmp_path / "on" / "best-768") == before
     assert not list((tmp_path / "on").glob("curve-*"))
+
+
+def test_tensorboard_shows_nothing_twice_of_a_training_that_goes_on_or_begins_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+
+    def shown() -> list[int]:
+        found = events.EventAccumulator(str(tmp_path / "tensorboard"))
+        found.Reload()
+        return [event.step for event in found.Scalars("train/loss")]
+
+    # It writes each 16 rollouts, here 512 steps.
+    settings = tiny(n_steps=4, n_timesteps=1536, save_freq=640, eval_freq=1100)
+    monkeypatch.setattr(training, "play", lambda *_: Drove(0.5))
+
+    def stopped() -> None:
+        stop_after(monkeypatch)
+        with pytest.raises(KeyboardInterrupt):
+            train(settings, tmp_path, threads=1)
+
+    stopped()
+    assert shown() == [512, 1024]
+    (tmp_path / "checkpoint.pt").unlink()
+    stopped()
+    assert shown() == [512, 1024]
+    stop_after(monkeypatch, 0.5, 0.5)
+    train(settings, tmp_path, threads=1)  # from 640 on
+    assert shown() == [512, 1152]
 
 
 def test_who_stops_a_training_is_told_what_the_same_command_will_do(

@@ -304,6 +304,23 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
         train(tiny(), tmp_path, threads=1, tensorboard=False)
 
 
+def test_a_checkpoint_of_other_code_or_threads_is_refused_with_a_way_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train(tiny(), tmp_path, threads=1, tensorboard=False, minutes=1e-9)
+    before = held(tmp_path)
+    with pytest.raises(ValueError, match=r"threads was 1, is now 2; --threads 1 goes on with it"):
+        train(tiny(), tmp_path, threads=2, tensorboard=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "source_digest", lambda: "another")
+        told = r"checkpoint.pt was saved by other code \(bug_gym_source was [0-9a-f]{16}, is now another\), .* or remove it"
+        with pytest.raises(ValueError, match=told):
+            train(tiny(), tmp_path, threads=1, tensorboard=False)
+    assert held(tmp_path) == before
+    train(tiny(), tmp_path, threads=1, tensorboard=False)
+    assert read_config(tmp_path)["runs"]["0"]["curve"][-1]["steps"] == 1024
+
+
 @pytest.mark.parametrize(
     "changes",
     [

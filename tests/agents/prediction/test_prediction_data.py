@@ -7,9 +7,21 @@ import pytest
 from tracked import disc, last_tracks, world_of
 
 from bug_gym.agents.prediction.features import ANSWERS, HORIZONS, WIDTH
-from bug_gym.agents.prediction.samples import LAWS, STREET, displacement_errors, law_world, match, moments, samples_of
+from bug_gym.agents.prediction.samples import (
+    LAWS,
+    STREET,
+    displacement_errors,
+    estimated_frame,
+    frame_of,
+    law_world,
+    match,
+    moments,
+    movers_of,
+    samples_of,
+)
 from bug_gym.config import load
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors, View
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -37,6 +49,31 @@ def test_the_future_of_what_goes_straight_is_where_its_velocity_leads() -> None:
         assert np.hypot(*(went - tracks.velocity[:, None])[steady].transpose(2, 0, 1)).max(initial=0.0) < 0.25
         seen += int(steady.sum())
     assert seen > 5
+
+
+DRIFTS = {"odometry.rotation_bias": 0.3, "odometry.translation_bias": 0.2, "odometry.translation_noise": 0.05}
+
+
+def test_what_a_robot_takes_for_the_odometry_frame_shows_movers_where_they_are_from_it() -> None:
+    simulation = Simulation(load(law_world("bounce", 3), DRIFTS))
+    observation = simulation.reset(seeds=[3])
+    for _ in range(30):
+        observation = simulation.step(np.array([[[0.5, 0.4]]])).observation
+    view, (centres, _) = View(observation[0, 0], Sensors.of(simulation.scenario)), movers_of(simulation)
+    from_robot = frame_of(*simulation.world.pose[0, 0].tolist())(centres)
+    found = [view.to_robot(*place) for place in estimated_frame(simulation)(centres)]
+    assert np.hypot(*(simulation.world.odometry[0, 0, :2] - view.position)) < 1e-4
+    assert np.allclose(found, from_robot, atol=1e-4)
+
+
+def test_with_drift_movers_are_still_learned_from_and_lie_where_their_tracks_are() -> None:
+    exact, seen = law_world(STREET, 9), []
+    for scenario in exact, load(exact, DRIFTS):
+        found = list(moments(scenario, 9, every=5, seconds=15.0, times=np.array([0.0])))
+        gaps = [np.hypot(*(tracks.position - places[:, 0]).T) for tracks, places in found]
+        assert np.median(np.concatenate(gaps)) < 0.1
+        seen.append(sum(map(len, gaps)))
+    assert seen[1] > 0.7 * seen[0]
 
 
 def test_a_mover_has_one_track_the_nearest() -> None:
