@@ -24,7 +24,7 @@ pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with th
 import torch
 
 from bug_gym.agents.learning import training
-from bug_gym.agents.learning.checkpoints import Rollouts
+from bug_gym.agents.learning.checkpoints import Rollouts, save_checkpoint
 from bug_gym.agents.learning.folder import model_folder, read_config
 from bug_gym.agents.learning.models import command
 from bug_gym.agents.learning.networks import RobotEncoding
@@ -212,6 +212,34 @@ def test_a_training_that_was_cut_off_ends_with_the_same_model(tmp_path: Path, ch
     assert read_config(cut)["runs"]["0"]["curve"][-1]["steps"] < settings.n_timesteps
     train(settings, cut, threads=1, tensorboard=False)
     assert same_weights(tmp_path / "whole", cut)
+
+
+@pytest.mark.parametrize("changes", [{}, {"history": [2, 5]}, {"scenarios": ["dynamic", "static"]}])
+@pytest.mark.parametrize("saves", [1, 4, 7])
+def test_a_training_that_ended_after_a_checkpoint_goes_on_from_there_to_the_same_model(
+    saves: int, changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the middle of its episodes, of its curve and of its learning."""
+    settings = tiny(**changes)
+    train(settings, tmp_path / "whole", threads=1, tensorboard=False)
+    saved = []
+
+    def save_and_end(*arguments: Any) -> None:
+        save_checkpoint(*arguments)
+        saved.append(arguments[0])
+        if len(saved) == saves:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(training, "save_checkpoint", save_and_end)
+        train(settings, tmp_path / "cut", threads=1, tensorboard=False)
+    train(settings, tmp_path / "cut", threads=1, tensorboard=False)
+    assert same_weights(tmp_path / "whole", tmp_path / "cut")
+    whole, cut = (
+        [{name: value for name, value in point.items() if "seconds" not in name} for point in run["curve"]]
+        for run in (read_config(tmp_path / folder)["runs"]["0"] for folder in ("whole", "cut"))
+    )
+    assert cut == whole
 
 
 def test_a_training_killed_outright_and_started_again_ends_with_the_same_model(tmp_path: Path) -> None:
