@@ -28,7 +28,9 @@ CHECKPOINT = "checkpoint.pt"
 """File of a training's folder that it goes on from."""
 MAGIC = b"bug_gym checkpoint, sha256 of what follows: "
 """What it begins with, before the checksum and a line break; then comes what torch has written."""
-CODE = ("torch", "stable_baselines3", "numpy", "numba", "bug_gym_source")
+LIBRARIES = ("stable_baselines3", "numpy", "numba")
+"""Whose versions belong to its identity, beside that of torch."""
+CODE = ("torch", *LIBRARIES, "bug_gym_source")
 """Of its identity what tells which code has saved it: what goes on with other code ends with another model."""
 
 

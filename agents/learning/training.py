@@ -27,7 +27,14 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.policies import BasePolicy
 
-from bug_gym.agents.learning.checkpoints import CHECKPOINT, Rollouts, load_checkpoint, restore, save_checkpoint
+from bug_gym.agents.learning.checkpoints import (
+    CHECKPOINT,
+    LIBRARIES,
+    Rollouts,
+    load_checkpoint,
+    restore,
+    save_checkpoint,
+)
 from bug_gym.agents.learning.curriculum import rows_of_stage
 from bug_gym.agents.learning.diverging import require_finite, told_when_diverged
 from bug_gym.agents.learning.elsewhere import Job, train_each
@@ -637,7 +644,7 @@ def identity_of(settings: AnySettings, seed: int) -> dict[str, Any]:
         "seed": seed,
         "threads": torch.get_num_threads(),
         "torch": str(torch.__version__),
-        **{name: version(name) for name in ("stable_baselines3", "numpy", "numba")},
+        **{name: version(name) for name in LIBRARIES},
         "bug_gym_source": source_digest()[:16],
     }
 
