@@ -19,7 +19,7 @@ class Prediction(NamedTuple):
     places: F64
     """Centres (T, K, 2) [m]."""
     spread: F64
-    """Standard deviation of each coordinate (T, K) [m]."""
+    """Standard deviation of each coordinate (T, K), of the side that faces the robot: `Tracks.covariance` carried on [m]."""
 
 
 class Predictor(Protocol):
@@ -31,6 +31,6 @@ class Predictor(Protocol):
 
 
 def place_deviation(tracks: Tracks) -> F64:
-    """Standard deviation of each coordinate of the places (T,) [m]."""
+    """Standard deviation of each coordinate of the places (T,), the radius as it is said [m]."""
     deviation: F64 = np.sqrt(0.5 * (tracks.covariance[:, 0, 0] + tracks.covariance[:, 1, 1]))
     return deviation

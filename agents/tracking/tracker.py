@@ -65,7 +65,11 @@ class Tracks(NamedTuple):
     radius: F64
     """Radii of the discs that the things are taken for (T,) [m]."""
     covariance: F64
-    """Of x, y, and the velocity (T, 4, 4), as errors are found to be: the filter's own, and UNROUND."""
+    """Of x, y, and the velocity, the radius as it is said (T, 4, 4): the filter's own, and UNROUND. So well is the side known
+    that faces the robot, which is what it may touch."""
+    centre: F64
+    """Of x, y, whatever the radius is (T, 2, 2) [m^2]: a thing that is larger than thought lies farther off, and its side that
+    faces the robot where it was."""
     moving: NDArray[np.bool_]
     """Whether it moves (T,)."""
     age: F64
@@ -239,16 +243,17 @@ class Tracker:
     def _tracks(self, memory: TrackerMemory, view: View, time: float) -> Tracks:
         """The confirmed tracks of a memory."""
         number, moving, beam_track = np.empty(TRACKS, np.int64), np.empty(TRACKS, np.bool_), np.empty_like(self.owner)
-        state, covariance = np.empty((TRACKS, STATE)), np.empty((TRACKS, 4, 4))
+        state, covariance, centre = np.empty((TRACKS, STATE)), np.empty((TRACKS, 4, 4)), np.empty((TRACKS, 2, 2))
         times, history = np.empty((2, TRACKS)), np.empty((TRACKS, HISTORY, 3))
         count = gather_tracks(
             memory.arrays(),
             self.owner,
-            time,
+            self._pose,
             number,
             moving,
             state,
             covariance,
+            centre,
             times,
             history,
             self._places,
@@ -261,6 +266,7 @@ class Tracker:
             velocity=state[:, VX : VY + 1],
             radius=state[:, RADIUS],
             covariance=covariance[:count],
+            centre=centre[:count],
             moving=moving[:count],
             age=times[0, :count],
             unseen=times[1, :count],

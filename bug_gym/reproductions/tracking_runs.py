@@ -90,7 +90,9 @@ class Counts:
     innovations: list[float] = field(default_factory=list)
     """Squared Mahalanobis distances of measured places."""
     errors: list[float] = field(default_factory=list)
-    """Squared Mahalanobis distances of true places."""
+    """Squared Mahalanobis distances of true centres."""
+    sides: list[float] = field(default_factory=list)
+    """Of discs: squared errors of how far off the side is that faces the robot, by their variance."""
 
 
 def frames(
@@ -177,6 +179,19 @@ def pairs(tracks: Tracks, frame: Frame) -> tuple[NDArray[np.int64], NDArray[np.i
     return both[:, 0], both[:, 1]
 
 
+def sides(frame: Frame, tracks: Tracks, chosen: NDArray[np.int64], movers: NDArray[np.int64]) -> F64:
+    """Squared errors of the sides that face the robot, by their variance, of those of some pairs that are discs (k,)."""
+    chosen, movers = (index[frame.inner[movers] == frame.radii[movers]] for index in (chosen, movers))
+    robot = np.array(frame.view.pose[:2])
+    to_track, to_mover = tracks.position[chosen] - robot, frame.places[movers] - robot
+    away = np.hypot(*to_track.T)
+    sight = to_track / away[:, None]
+    error = np.hypot(*to_mover.T) - frame.radii[movers] - (away - tracks.radius[chosen])
+    variance = np.einsum("ti,tij,tj->t", sight, tracks.covariance[chosen][:, :2, :2], sight)
+    squares: F64 = error**2 / variance
+    return squares
+
+
 class Judge:
     """Counts from frame to frame.
 
@@ -210,8 +225,9 @@ class Judge:
         self.counts.gaps += np.hypot(*gaps.T).tolist()
         settled = (tracks.age[chosen] > SETTLED) & (tracks.unseen[chosen] == 0.0)
         self.counts.innovations += tracks.innovation[chosen][settled].tolist()
-        inverse = np.linalg.inv(tracks.covariance[chosen][settled][:, :2, :2])
+        inverse = np.linalg.inv(tracks.centre[chosen][settled])
         self.counts.errors += np.einsum("ti,tij,tj->t", gaps[settled], inverse, gaps[settled]).tolist()
+        self.counts.sides += sides(frame, tracks, chosen[settled], movers[settled]).tolist()
 
     def _count_false(self, frame: Frame, tracks: Tracks, alone: NDArray[np.bool_]) -> None:
         self.counts.false += int(alone.sum())

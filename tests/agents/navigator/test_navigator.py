@@ -190,6 +190,7 @@ def tracks(places: list[tuple[float, float]], *, spread: float = 0.01, unseen: f
         velocity=np.tile([1.0, 0.0], (count, 1)),
         radius=np.full(count, 0.3),
         covariance=np.tile(spread**2 * np.eye(4), (count, 1, 1)),
+        centre=np.tile(spread**2 * np.eye(2), (count, 1, 1)),
         moving=np.ones(count, dtype=np.bool_),
         age=np.zeros(count),
         unseen=np.full(count, unseen),

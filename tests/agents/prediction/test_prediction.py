@@ -35,6 +35,7 @@ def tracks_of(
         velocity=velocity,
         radius=np.full(count, 0.3),
         covariance=np.tile(p, (count, 1, 1)),
+        centre=np.tile(p[:2, :2], (count, 1, 1)),
         moving=np.broadcast_to(np.asarray(moving), (count,)).copy(),
         age=np.full(count, 2.0),
         unseen=np.full(count, unseen),

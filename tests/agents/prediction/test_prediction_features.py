@@ -51,6 +51,7 @@ def tracks_of(
         velocity=velocity,
         radius=np.full(count, 0.4),
         covariance=np.tile(np.diag([0.01, 0.01, 0.04, 0.04]), (count, 1, 1)),
+        centre=np.tile(np.diag([0.01, 0.01]), (count, 1, 1)),
         moving=np.ones(count, dtype=np.bool_),
         age=np.full(count, 2.0),
         unseen=np.zeros(count),

@@ -11,6 +11,8 @@ from compiled import for_python
 from tracked import world_of
 
 from bug_gym.agents.tracking import filter as kalman
+from bug_gym.agents.tracking import told
+from bug_gym.agents.tracking.discs import LEAST_SHAPE
 from bug_gym.agents.tracking.layout import (
     FIT,
     FX,
@@ -19,6 +21,8 @@ from bug_gym.agents.tracking.layout import (
     ID,
     IS_MOVING,
     NUMBERS,
+    RADIUS_VARIANCE,
+    SHAPE_VARIANCE,
     STATE,
     VX,
     VY,
@@ -36,6 +40,7 @@ from bug_gym.view import Sensors
 predict_tracks = for_python(kalman.predict_tracks)
 gain = for_python(kalman.gain)
 measure = for_python(kalman.measure)
+write_centre = for_python(told.write_centre)
 MEAN = [X, Y, VX, VY]
 H = np.eye(2, 4)
 """What is measured of a track: its place."""
@@ -114,3 +119,29 @@ def test_beyond_the_gate_a_mover_has_swerved_and_of_a_still_thing_another_side_h
         columns = [*MEAN, *np.array(COVARIANCE).ravel()]
         np.testing.assert_allclose(state[columns], expected[columns], atol=1e-9)
         assert history[0].tolist() == [fit[FX], fit[FY], 1.0]
+
+
+@pytest.mark.parametrize("bearing", [0.0, 0.5, 2.0, -1.3])
+def test_a_centre_is_as_unsure_as_its_side_its_size_along_the_line_of_sight_and_its_outline(bearing: float) -> None:
+    """Seen from the robot: the filter's covariance turned there, and two variances on the diagonal."""
+    rng = np.random.default_rng(0)
+    state, robot = some_track(rng), rng.normal(0.0, 3.0, 2)
+    away, aside = np.array([math.cos(bearing), math.sin(bearing)]), np.array([-math.sin(bearing), math.cos(bearing)])
+    state[[X, Y]] = robot + 2.5 * away
+    seen_so = np.column_stack([away, aside])
+
+    def added(size: float, shape: float, ends: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        state[RADIUS_VARIANCE], state[SHAPE_VARIANCE] = size**2, LEAST_SHAPE**2 + shape**2
+        centre = np.empty((2, 2))
+        write_centre(state, ends, float(robot[0]), float(robot[1]), centre)
+        turned: np.ndarray[Any, np.dtype[np.float64]] = (
+            seen_so.T @ (centre - state[np.array(COVARIANCE)][:2, :2]) @ seen_so
+        )
+        return turned
+
+    moves, deep, wide, hidden = told.RADIUS_MOVES, told.OUTLINE_DEEP, told.OUTLINE_WIDE, told.UNSEEN_END
+    assert added(0.0, 0.0, 2) == pytest.approx(np.zeros((2, 2)), abs=1e-12)
+    assert added(0.2, 0.0, 2) == pytest.approx(np.diag([(moves * 0.2) ** 2, 0.0]), abs=1e-12)
+    assert added(0.0, 0.1, 2) == pytest.approx(np.diag([(deep * 0.1) ** 2, (wide * 0.1) ** 2]), abs=1e-12)
+    for ends in (0, 1):
+        assert added(0.0, 0.0, ends) == pytest.approx(hidden**2 * np.eye(2), abs=1e-12)

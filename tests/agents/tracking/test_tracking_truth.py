@@ -94,10 +94,21 @@ def test_of_pedestrians_at_least_95_of_100_are_known_in_time(crowd: dict[str, An
 
 
 def test_errors_are_as_large_as_the_spread_says(crowd: dict[str, Any]) -> None:
-    # A Gaussian in the plane has 0.393 and 0.865 of its mass there; bodies that aren't Gaussian come near.
+    # A Gaussian in the plane has 0.393 and 0.865 of its mass there, along a line 0.683 and 0.954; bodies that aren't Gaussian
+    # come near.
     assert crowd["within_one_sigma"] >= 0.393
     assert 0.8 <= crowd["within_two_sigma"] <= 0.97
+    assert crowd["side_within_one_sigma"] >= 0.683
+    assert crowd["side_within_two_sigma"] >= 0.954
     assert 0.9 <= crowd["nis_below_bound"] <= 1.0
+
+
+@pytest.mark.parametrize("family", ["dynamic", "rush"])
+def test_centres_of_discs_and_polygons_of_all_sizes_lie_as_far_off_as_is_said(family: str) -> None:
+    """By the filter alone, which takes the radius for known, 0.6 and 0.8 of them would lie within 2 sigma."""
+    found = mover_numbers([watch(family, seed) for seed in EVERY_VARIANT])
+    assert 0.7 <= found["within_two_sigma"] <= 0.95
+    assert found["side_within_two_sigma"] >= 0.95
 
 
 @pytest.mark.parametrize("beams", [64, 180])
