@@ -7,7 +7,8 @@ times of the old one where both have them, for what was made again on a machine 
 `--policy=NAME[,NAME...]` does so for the rows of policies, whose files alone have changed, and leaves all others as they are;
 with `--new-times` these rows have their new times, as of a policy that takes another time than before.
 
-A file has the name of the one that is committed; where there is none, nothing is done and the exit status is 2.
+A file has the name of the one that is committed; where there is none, or it says nothing of a policy, nothing is done and the
+exit status is 2.
 """
 
 from __future__ import annotations
@@ -101,6 +102,15 @@ def is_of(policy: str, item: Any) -> bool:
     return policy in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
 
 
+def speaks_of(policy: str, said: Any) -> bool:
+    """Whether a result says anything of a policy."""
+    if isinstance(said, dict):
+        return any(
+            policy in key.split() or speaks_of(policy, value) for key, value in said.items() if key not in MADE_BY
+        )
+    return isinstance(said, list) and any(is_of(policy, item) or speaks_of(policy, item) for item in said)
+
+
 def replace_policies(policies: Sequence[str], new: Path, committed: Path, *, new_times: bool = False) -> None:
     """Commit what a new result says of some policies, with the old times where there are some and they are wanted."""
     found = json.loads(new.read_text(encoding="utf-8"))
@@ -133,7 +143,12 @@ def main(arguments: Sequence[str]) -> int:
     told = [one.removeprefix("--policy=") for one in options if one.startswith("--policy=")]
     policies = [name for one in told for name in one.split(",")]
     paths = [Path(one) for one in arguments if one not in options]
-    if faults := [fault for path in paths if (fault := fault_of(path))]:
+    faults = [fault for path in paths if (fault := fault_of(path))]
+    if not faults:
+        results = [(path, json.loads(path.read_text(encoding="utf-8"))) for path in paths]
+        faults = [f"{path}: it says nothing of {policy}" for path, result in results for policy in policies
+                  if not speaks_of(policy, result)]  # fmt: skip
+    if faults:
         print("\n".join(faults), file=sys.stderr)
         return 2
     for path in paths:

@@ -172,7 +172,9 @@ def test_a_result_that_has_no_page_is_refused_with_the_names_that_have_one(
     for folder, names in ((committed, ("barn", "bug-bounds")), (new, ("barn", "barm"))):
         folder.mkdir()
         for name in names:
-            (folder / f"{name}.json").write_text(json.dumps({"commit": folder.name, "holds": None, "rows": []}))
+            (folder / f"{name}.json").write_text(
+                json.dumps({"commit": folder.name, "holds": None, "rows": [{"policy": "bug2"}]})
+            )
     before = (committed / "barn.json").read_bytes()
     main = script("confirm_results.py")["main"]
     main.__globals__["RESULTS"] = committed
@@ -181,6 +183,8 @@ def test_a_result_that_has_no_page_is_refused_with_the_names_that_have_one(
     assert capsys.readouterr() == ("", told)
     assert main([*option, str(new / "bug-bounds.json")]) == 2
     assert capsys.readouterr() == ("", f"no file {new / 'bug-bounds.json'}\n")
+    assert main(["--policy=bug2,apf", str(new / "barn.json")]) == 2
+    assert capsys.readouterr() == ("", f"{new / 'barn.json'}: it says nothing of apf\n")
     assert (committed / "barn.json").read_bytes() == before
     assert main([*option, str(new / "barn.json")]) == 0
     assert (committed / "barn.json").read_bytes() != before
