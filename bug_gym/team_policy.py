@@ -7,7 +7,8 @@ evaluations have, rows of (world, robot). A team writes two methods: `start(robo
 What robots of a team know of one another they have told one another, in the *team's frame*: the odometry frame of the
 first robot that was heard. Nothing comes through the env. Where the frames of two robots lie to one another they find
 out when they first hear from one another: each sees where the other is (`peers`), and two such sights give the
-distance and both headings. From then on odometry alone says where each is, with its error.
+distance and both headings. From then on odometry alone says where each has been, with its error; how near it is
+to others now they may see anew.
 """
 
 from __future__ import annotations
@@ -132,6 +133,8 @@ class TeamMemory(Memory):
     """Where its odometry frame lies; None until it is heard."""
     word: Word | None = None
     """What it told last."""
+    sight: Word | None = None
+    """The same from where it is seen to be now; None: there, or nobody looks."""
     view: View | None = None
     """What it saw when it was heard last."""
     is_heard: bool = False

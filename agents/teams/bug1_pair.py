@@ -2,12 +2,12 @@
 
 Source: Kandathil, Mathew and Hiremath 2020, "Development and analysis of a novel obstacle avoidance strategy for a
 multi-robot system inspired by the Bug-1 algorithm", as Oni and Wang describe it (sections 2 and 4.2) to compare theirs
-with; law as in `bugs/bug1.py`. Sensing assumed: as Bug1's. Told: place by odometry, direction along the wall, nearest
-point and the way back to it, what is seen behind the own body. Memory kept: Bug1's, and where its half of the lap
-began. States: those of Bug1, hold, waiting, stopped. Guarantee: one reaches the goal, or both declare it unreachable,
-as Bug1, where neither has to go round the other. Length: of both on one obstacle 2 s + P + 2 lambda + g, with s to the
-hit, P the perimeter, lambda from the meeting to the nearest point and g from there; up to 2 s + 3 P until they know
-that there is no way.
+with; law as in `bugs/bug1.py`. Sensing assumed: as Bug1's, and where the partner is (`peers`). Told: place by odometry,
+direction along the wall, nearest point and the way back to it, what is seen behind the own body. Memory kept: Bug1's, and
+where its half of the lap began. States: those of Bug1, hold, waiting, stopped. Guarantee: one reaches the goal, or both
+declare it unreachable, as Bug1, where neither has to go round the other. Length: of both on one obstacle 2 s + P + 2 lambda +
+g, with s to the hit, P the perimeter, lambda from the meeting to the nearest point and g from there; up to 2 s + 3 P
+until they know that there is no way.
 
 *Meeting.* Both have followed the wall for a while, in opposite directions, are a hand's breadth apart with no wall
 between, and have a hand on the same wall. They have walked half the perimeter each then, so the shorter way to the
@@ -37,7 +37,7 @@ import numpy as np
 from bug_gym.agents.bugs.bug1 import Bug1, Bug1Memory
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugTeamMemory
-from bug_gym.agents.teams.partners import ROOM, Seen, are_linked, closes, gap, least_gap, points_told
+from bug_gym.agents.teams.partners import ROOM, Seen, are_linked, closes, gap, least_gap, now_of, points_told
 from bug_gym.agents.walls.contour import CLOSER, Contour
 from bug_gym.agents.walls.laps import is_parting
 from bug_gym.geometry import Point
@@ -245,12 +245,12 @@ class Bug1Pair(BugTeam):
         boundary = self.laws[0].boundary
         if min(first.odometer, second.odometer) <= boundary.arming_length or gap(one, other) > self.meeting_gap:
             return False
-        assert one.frame is not None and other.frame is not None and one.word is not None and other.word is not None
-        turn = first.heading + one.frame.heading - second.heading - other.frame.heading
-        walls = math.dist(one.frame.to_team(first.wall), other.frame.to_team(second.wall))
+        here, there = now_of(one), now_of(other)
+        turn = first.heading + here.frame.heading - second.heading - there.frame.heading
+        walls = math.dist(here.frame.to_team(first.wall), there.frame.to_team(second.wall))
         if math.cos(turn) >= OPPOSITE or walls > self.meeting_gap + 2.0 * boundary.clearance:
             return False
-        x, y = seen.view.to_robot(*one.frame.to_odometry(other.word.place))
+        x, y = seen.view.to_robot(*here.frame.to_odometry(there.place))
         return seen.view.free_distance(math.atan2(y, x), SIGHT) >= math.hypot(x, y)
 
     def _compare(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:

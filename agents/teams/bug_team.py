@@ -14,7 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.teams.partners import ROOM, Seen, SeeThrough, farthest_blocker, least_gap, way_asked, who_goes
+from bug_gym.agents.teams.partners import (
+    ROOM,
+    Seen,
+    SeeThrough,
+    farthest_blocker,
+    least_gap,
+    look_at_partners,
+    way_asked,
+    who_goes,
+)
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
 from bug_gym.geometry import Point
@@ -128,14 +137,19 @@ class BugTeam(TeamPolicy):
         return [robot for robot, memory in enumerate(memories) if memory.is_heard and not memory.own.verdict]
 
     def listen(self, views: Sequence[View | None], memories: Sequence[Any]) -> None:
-        """Let each robot tell where it is, and as the episode begins whether they seek one goal."""
-        begins = memories[0].word is None and all(memory.word is None for memory in memories)
+        """Let each robot tell where it is, and who is heard for the first time whether it seeks the goal of the others."""
+        known = [memory for memory in memories if memory.word is not None]
+        silent = [memory for memory in memories if memory.word is None]
         super().listen(views, memories)
-        if begins:
-            goals = [memory.word.goal for memory in memories if memory.word is not None]
-            has_own = any(math.dist(goal, goals[0]) > OWN_GOAL for goal in goals)
+        look_at_partners(memories)
+        came = [memory for memory in silent if memory.word is not None]
+        if not came or memories[0].has_own_goal:
+            return
+        # Of those who have told before, who answers now: as the two see their goals at one instant, drift is in both.
+        goal = min(known or came, key=lambda memory: not memory.is_heard).word.goal
+        if any(math.dist(memory.word.goal, goal) > OWN_GOAL for memory in came):
             for memory in memories:
-                memory.has_own_goal = has_own
+                memory.has_own_goal, memory.winner = True, None
 
     # ------------------------------------------------------------------------------------------- what a law sees
 

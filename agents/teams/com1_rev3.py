@@ -1,12 +1,12 @@
 """Com1-Rev3: one robot drives by Com1, its partner by Rev3, until one of them is known to arrive first.
 
 Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", sections 3.2 and 3.3,
-figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs. Told: place by odometry, velocity,
-distance to the goal, state, and what is seen behind the own body. Memory kept: that of each law, and the trace of the
-own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some robot reaches the goal, or
-Com1, which is complete, declares it unreachable, where none has to go round a partner: that may lead it back again, or
-through a gap behind which a lap proves nothing, and who would go round one from one place for the third time is
-"looping". Length: the winner's is the shorter of the two laws' ways, or near it; the sum at most twice that.
+figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs, and where partners are (`peers`).
+Told: place by odometry, velocity, distance to the goal, state, and what is seen behind the own body. Memory kept: that of
+each law, and the trace of the own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some
+robot reaches the goal, or Com1, which is complete, declares it unreachable, where none has to go round a partner: that may
+lead it back again, or through a gap behind which a lap proves nothing, and who would go round one from one place for the
+third time is "looping". Length: the winner's is the shorter of the two laws' ways, or near it; the sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
 than every partner; all as of one instant, and of equals the first. The partners stop. If its way turns out to be
@@ -44,6 +44,7 @@ from bug_gym.agents.teams.partners import (
     farthest_blocker,
     least_gap,
     nearer_than,
+    now_of,
     place_after,
 )
 from bug_gym.agents.walls.boundary import LeaveRule
@@ -396,10 +397,9 @@ class Com1Rev3(BugTeam):
     ) -> Velocity:
         """Leave the own way for as long as a robot asks, to where the asking one's way leads least near."""
         memory, other = decision.memories[robot], decision.memories[asking[0]]
-        assert memory.frame is not None and memory.word is not None and other.word is not None
         speed = self.sensors.drive.max_speed
         safe = self.laws[robot].boundary.safe_radius
-        begin, end = other.word.place, place_after(other, other.pending or STANDING)
+        begin, end = now_of(other).place, place_after(other, other.pending or STANDING)
         ahead = AHEAD / max(math.dist(begin, end), 1e-9)
         end = (begin[0] + ahead * (end[0] - begin[0]), begin[1] + ahead * (end[1] - begin[1]))
         ways = []
@@ -419,11 +419,8 @@ class Com1Rev3(BugTeam):
 
     def _better_way(self, memory: Com1Rev3Memory, view: View, asking: TeamMemory) -> int:
         """+1 or -1: whether the gap to a robot that asks for room is larger after 1 m on, or back."""
-        assert asking.word is not None and memory.frame is not None
-        gaps = [
-            math.dist(memory.frame.to_team(self._place_along(memory, view, direction)), asking.word.place)
-            for direction in (1, -1)
-        ]
+        frame, place = now_of(memory).frame, now_of(asking).place
+        gaps = [math.dist(frame.to_team(self._place_along(memory, view, direction)), place) for direction in (1, -1)]
         return 1 if gaps[0] >= gaps[1] else -1
 
     def _place_along(self, memory: Com1Rev3Memory, view: View, direction: int) -> Point:

@@ -1,7 +1,8 @@
 """What robots of a team do about one another's bodies: take them out of scans, keep apart, and follow their own trace.
 
-A partner's place is known from what it told, so its body can be told from a wall. What it hides it sees itself, and
-tells that too: the points of its own scan behind it stand for the beams that its body stopped.
+A partner's place is known from what it told, or where odometry has drifted from what both see of one another, so its body
+can be told from a wall. What it hides it sees itself, and tells that too: the points of its own scan behind it stand for the
+beams that its body stopped.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 
 from bug_gym import kinematics
 from bug_gym.agents.teams.hidden import ROUNDING, look_through_partners
-from bug_gym.geometry import Point, velocity_along
+from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import farthest_way, shown_points, way_to_stand
 from bug_gym.policy import STANDING, Velocity
-from bug_gym.team_policy import TeamMemory
+from bug_gym.team_policy import TeamMemory, Word, met, peer_slot, word_of
 from bug_gym.view import Sensors, View, ranges_together
 
 BODY_MARGIN = 0.03
@@ -26,6 +27,9 @@ BODY_MARGIN = 0.03
 
 ROOM = 0.1
 """What bodies keep between them [m]."""
+
+AS_TOLD = 1e-3
+"""A robot that is seen within this of the place [m], and the heading [rad], that it told is where it told."""
 
 SAME_WALL = 6.0
 """Two neighbouring points of a scan are of one wall where they are nearer than so many beams are apart there."""
@@ -71,9 +75,9 @@ class SeeThrough:
         views: list[View] = []
         lie = []
         for memory, does_look, is_partner in zip(robots, looks, partners, strict=True):
-            assert memory.view is not None and memory.frame is not None
+            assert memory.view is not None
             views.append(memory.view)
-            lie.append((*memory.frame.lies, *memory.view.pose, does_look, is_partner))
+            lie.append((*now_of(memory).frame.lies, *memory.view.pose, does_look, is_partner))
         count, beams = len(views), self._directions.shape[1]
         clean, hidden = np.empty((count, beams)), np.empty((count, beams), dtype=np.bool_)
         points, counts = np.empty((count, 2, beams)), np.empty((count, 2), dtype=np.int64)
@@ -99,12 +103,37 @@ def farthest_blocker(sensors: Sensors) -> float:
     return least_gap(sensors) + 2.0 * (farthest_way(sensors) + ROUNDING)
 
 
+def look_at_partners(memories: Sequence[TeamMemory]) -> None:
+    """Find where robots that answer are to one another now, by what the first and each other one of them see.
+
+    What they tell, by odometry alone, is wrong by as much as that has drifted: soon by more than the room that they keep.
+    """
+    heard = [robot for robot, memory in enumerate(memories) if memory.is_heard]
+    for memory in memories:
+        memory.sight = None
+    for robot in heard[1:]:
+        one, own = memories[heard[0]], memories[robot]
+        assert one.frame is not None and one.view is not None and own.view is not None and own.word is not None
+        frame = met(one.frame, one.view, own.view, peer_slot(heard[0], robot), peer_slot(robot, heard[0]))
+        seen, told = word_of(own.view, frame), own.word
+        if math.dist(seen.place, told.place) > AS_TOLD or abs(wrap(seen.heading - told.heading)) > AS_TOLD:
+            own.sight = seen
+
+
+def now_of(memory: TeamMemory) -> Word:
+    """Where a robot is: as it is seen, or as it told last."""
+    word = memory.sight or memory.word
+    assert word is not None
+    return word
+
+
 def place_after(memory: TeamMemory, velocity: Velocity) -> Point:
     """Where a robot will be after a step at a velocity of its frame, in the team's frame [m]."""
-    assert memory.word is not None and memory.view is not None
-    duration, heading = memory.view.sensors.drive.step, memory.word.heading
+    assert memory.view is not None
+    word = now_of(memory)
+    duration, heading = memory.view.sensors.drive.step, word.heading
     cos, sin = math.cos(heading), math.sin(heading)
-    x, y = memory.word.place
+    x, y = word.place
     return (
         x + duration * (cos * velocity[0] - sin * velocity[1]),
         y + duration * (sin * velocity[0] + cos * velocity[1]),
@@ -144,9 +173,8 @@ def are_linked(one: Point, other: Point, points: NDArray[np.float64], *, link: f
 
 
 def gap(one: TeamMemory, other: TeamMemory) -> float:
-    """Distance between the centres of two robots, as they told it [m]."""
-    assert one.word is not None and other.word is not None
-    return math.dist(one.word.place, other.word.place)
+    """Distance between the centres of two robots [m]."""
+    return math.dist(now_of(one).place, now_of(other).place)
 
 
 def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMemory]) -> dict[int, dict[int, float]]:
@@ -154,9 +182,10 @@ def nearer_than(distance: float, team: Sequence[int], memories: Sequence[TeamMem
     near: dict[int, dict[int, float]] = {}
     places: list[tuple[int, Point]] = []
     for robot in team:
-        near[robot], word = {}, memories[robot].word
-        if word is None:
+        near[robot], memory = {}, memories[robot]
+        if memory.word is None:
             continue
+        word = now_of(memory)
         for other, there in places:
             apart = math.dist(word.place, there)
             if apart < distance:
@@ -201,12 +230,13 @@ def way_of(memory: TeamMemory, velocity: Velocity) -> NDArray[np.float64]:
 
 def way_asked(memory: TeamMemory, asked: Velocity) -> NDArray[np.float64]:
     """The same of one that asks for a velocity (`kinematics.asked_velocity`); who does not answer stands."""
-    assert memory.word is not None and memory.view is not None
-    x, y = memory.word.place
+    assert memory.view is not None
+    word = now_of(memory)
+    x, y = word.place
     if not memory.is_heard:
         return np.array([[x, y]])
     ahead, left = way_to_stand(memory.view, asked).T
-    cos, sin = math.cos(memory.word.heading), math.sin(memory.word.heading)
+    cos, sin = math.cos(word.heading), math.sin(word.heading)
     return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left], axis=-1)
 
 

@@ -3,11 +3,11 @@
 Source: named by Oni and Wang (section 2) after Johansson and Markdahl, "Swarm Bug Algorithms for Path Generation in
 Unknown Environments" (2023); here the plain baseline of teams: the robots take their first turns to either side, and
 are obstacles to one another. Two that came near would follow each other's bodies for ever, so the later one stands
-below 1.5 m and goes on at 2 m, as in `com1_rev3`, and the earlier one goes round it. Sensing assumed: as the law's.
-Told: place by odometry, so that a partner that comes by does not spoil a lap as other movers do; that one has arrived.
-States: those of the law, hold, stopped. Guarantee: where the law is complete some robot arrives, or calls the goal
-unreachable, unless they get in one another's way: one whose lap led round a partner that was to go on proves nothing by
-it, and is "stuck". Length: each robot's that of the law.
+below 1.5 m and goes on at 2 m, as in `com1_rev3`, and the earlier one goes round it. Sensing assumed: as the law's, and
+where partners are (`peers`). Told: place by odometry, so that a partner that comes by does not spoil a lap as other movers
+do; that one has arrived. States: those of the law, hold, stopped. Guarantee: where the law is complete some robot arrives,
+or calls the goal unreachable, unless they get in one another's way: one whose lap led round a partner that was to go on
+proves nothing by it, and is "stuck". Length: each robot's that of the law.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from bug_gym.agents.bugs.bug1 import Bug1
 from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.parameters import Length
 from bug_gym.agents.teams.bug_team import BugTeam, BugTeamMemory, check_distances
-from bug_gym.agents.teams.partners import Seen, gap
+from bug_gym.agents.teams.partners import Seen, gap, now_of
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import Contour
 from bug_gym.policy import STANDING, Velocity
@@ -123,10 +123,9 @@ class Swarm(BugTeam):
             memory.lap, memory.went_round = contour, False
         if contour is None or memory.went_round:
             return
-        assert memory.frame is not None
-        hand, near = memory.frame.to_team(contour.wall), self.sensors.radius + HAND
-        words = [memories[other].word for other in self.going(memories) if other != robot]
-        memory.went_round = any(word is not None and math.dist(hand, word.place) <= near for word in words)
+        hand, near = now_of(memory).frame.to_team(contour.wall), self.sensors.radius + HAND
+        partners = (memories[other] for other in self.going(memories) if other != robot)
+        memory.went_round = any(math.dist(hand, now_of(partner).place) <= near for partner in partners)
 
     def _holds(self, robot: int, memories: Sequence[SwarmMemory]) -> bool:
         """Whether a robot stands for an earlier one that is near."""

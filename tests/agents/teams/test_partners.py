@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from bug_gym.agents.teams.partners import BODY_MARGIN, SAME_WALL, SeeThrough, are_linked, gap_on_ways, who_goes
+import bug_gym
+from bug_gym.agents import make_policy
+from bug_gym.agents.teams.partners import (
+    AS_TOLD,
+    BODY_MARGIN,
+    ROOM,
+    SAME_WALL,
+    SeeThrough,
+    are_linked,
+    gap,
+    gap_on_ways,
+    now_of,
+    who_goes,
+)
 from bug_gym.config import load
-from bug_gym.geometry import F64
+from bug_gym.geometry import F64, wrap
 from bug_gym.observation import width
 from bug_gym.team_policy import Frame, TeamMemory, word_of
 from bug_gym.view import Sensors, View
@@ -188,3 +203,35 @@ def test_who_goes_comes_no_nearer_to_another_than_is_allowed_or_than_if_both_bra
     assert 0 < went < 400
     apart = [[np.array([[x, 0.0], [x + 0.1, 0.0]]) for x in (0.0, 3.0)], [np.array([[x, 0.0]]) for x in (0.0, 3.0)]]
     assert who_goes(*apart, reach=4.0, least=0.6) == [True, True]
+
+
+def test_robots_are_as_near_as_they_see_however_far_their_odometry_has_drifted() -> None:
+    drift = {"odometry.translation_noise": 0.1, "odometry.rotation_noise": 0.1}
+    env = bug_gym.parallel_env("circle_swap", robots=3, overrides=drift)
+    driver: Any = make_policy("swarm_com", env)
+    seen, _ = env.reset(seed=0)
+    state, told_wrong = None, 0.0
+    for _ in range(30):
+        actions, state = driver.predict(seen, state)
+        poses = env.simulation.world.pose[0]
+        for one, other in itertools.combinations(range(3), 2):
+            is_apart = math.dist(poses[one, :2], poses[other, :2])
+            assert gap(state[one], state[other]) == pytest.approx(is_apart, abs=2.0 * AS_TOLD)
+            turn = now_of(state[one]).heading - now_of(state[other]).heading - poses[one, 2] + poses[other, 2]
+            assert wrap(turn) == pytest.approx(0.0, abs=2.0 * AS_TOLD)
+            told = math.dist(state[one].word.place, state[other].word.place)
+            told_wrong = max(told_wrong, abs(told - is_apart))
+        seen, *_ = env.step(actions)
+        assert len(env.agents) == 3
+    assert told_wrong > ROOM
+
+
+def test_robots_whose_odometry_is_right_are_where_they_tell_to_the_last_bit() -> None:
+    env = bug_gym.parallel_env("circle_swap", robots=3)
+    driver: Any = make_policy("swarm_com", env)
+    seen, _ = env.reset(seed=0)
+    state = None
+    for _ in range(30):
+        actions, state = driver.predict(seen, state)
+        assert all(now_of(memory) is memory.word for memory in state)
+        seen, *_ = env.step(actions)

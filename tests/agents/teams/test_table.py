@@ -187,6 +187,45 @@ def test_robots_that_cannot_stop_at_once_touch_nobody(name: str, robot: dict[str
         assert "collision" not in outcomes
 
 
+DRIFT = {"odometry.translation_noise": 0.05, "odometry.rotation_noise": 0.05}
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_robots_that_cannot_stop_at_once_touch_nobody_whatever_their_odometry_says(name: str, kinematics: str) -> None:
+    """They see one another: what they tell by odometry is soon wrong by more than the room that they keep."""
+    robot = {"robot.kinematics": kinematics, "robot.max_acceleration": 0.5}
+    source = load("corridor_swap", robot | DRIFT | {"time.limit": 40.0})
+    outcomes = [row.outcome for row in evaluate([name], source, episodes=6, seed=100)]
+    assert "collision" not in outcomes
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("drift", [0.02, 0.05])
+def test_a_pair_whose_odometry_drifts_does_not_stand_before_one_another_for_ever(kinematics: str, drift: float) -> None:
+    source = load("corridor_swap", {"robot.kinematics": kinematics, "time.limit": 60.0} | dict.fromkeys(DRIFT, drift))
+    rows = evaluate(["bug1_pair"], source, episodes=3, seed=100)
+    assert all(row.outcome == "success" for row in rows)
+
+
+@pytest.mark.parametrize("name", TEAMS)
+@pytest.mark.parametrize("late", [0, 1])
+def test_who_is_heard_later_with_a_goal_of_its_own_goes_there_too(name: str, late: int) -> None:
+    env = bug_gym.parallel_env("circle_swap", robots=2)
+    team: Any = make_policy(name, env)
+    seen, _ = env.reset(seed=3)
+    state, step = None, 0
+    outcomes: dict[str, str] = {}
+    while env.agents:
+        heard = [agent for agent in env.agents if step >= 5 or agent != f"robot_{late}"]
+        actions, state = team.predict({agent: seen[agent] for agent in heard}, state)
+        stand = {agent: np.zeros(2, dtype=np.float32) for agent in env.agents}
+        seen, _, _, _, infos = env.step(stand | actions)
+        outcomes |= {agent: infos[agent]["outcome"] for agent in infos}
+        step += 1
+    assert outcomes == dict.fromkeys(env.possible_agents, "success")
+
+
 @pytest.mark.parametrize("name", TEAMS)
 @pytest.mark.parametrize("robot", [{"robot.max_acceleration": 1.0}, {"robot.latency": 0.1}], ids=str)
 def test_discrete_actions_of_robots_that_cannot_stop_at_once_are_refused_in_a_line(name: str, robot: Any) -> None:
