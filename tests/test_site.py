@@ -206,7 +206,7 @@ def test_a_line_of_the_leaderboard_tells_that_its_worlds_are_no_longer_these() -
 
 
 def test_an_entry_is_what_an_evaluation_wrote(tmp_path: Path) -> None:
-    evaluate(["go_to_goal"], "empty", episodes=2, out=tmp_path, overrides={"world.goal": [2.0, 0.0]})
+    evaluate(["go_to_goal"], "empty", episodes=2, out=tmp_path)
     make = part("make_entry").entry
     entry = make(tmp_path, "mine", "0" * 40, about="Straight on.")
     (one,) = entry["summaries"]
@@ -214,13 +214,44 @@ def test_an_entry_is_what_an_evaluation_wrote(tmp_path: Path) -> None:
     assert entry["seeds"] == {"empty": {"first": 0, "count": 2}} and entry["privileged"] == []
     assert entry["command"] == "bug-gym evaluate --scenario empty --episodes 2 --policies go_to_goal --out mine"
     told = ["a_star", "d_star_lite:known=false", "velocity_obstacle:privileged=true"]
-    evaluate(told, "empty", episodes=1, out=tmp_path / "told", overrides={"world.goal": [2.0, 0.0]})
+    evaluate(told, "empty", episodes=1, out=tmp_path / "told")
     marked = ["a_star (privileged)", "velocity_obstacle:privileged=true (privileged)"]
-    assert make(tmp_path / "told", "mine", "0" * 40)["privileged"] == marked
+    entry = make(tmp_path / "told", "mine", "0" * 40)
+    assert entry["privileged"] == marked and f"--policies {','.join(told)} --out" in entry["command"]
     with pytest.raises(ValueError, match="got 'no name' as the name of an entry"):
         make(tmp_path, "no name", "0" * 40)
     with pytest.raises(ValueError, match=r"expected what `bug-gym evaluate --out` writes"):
         make(tmp_path / "nowhere", "mine", "0" * 40)
+
+
+def test_an_entry_is_of_the_worlds_that_its_command_drives(tmp_path: Path) -> None:
+    make = part("make_entry").entry
+    near = tmp_path / "near"
+    evaluate(["go_to_goal"], "empty", episodes=1, out=near, overrides={"world.goal": [2.0, 0.0]})
+    with pytest.raises(ValueError, match="empty was driven with other values, expected the scenario empty as it is"):
+        make(near, "mine", "0" * 40)
+    suite = {
+        "version": 1,
+        "seeds": {"count": 2},
+        "scenarios": ["empty", {"scenario": "disc", "seeds": {"count": 1}}],
+        "policies": ["go_to_goal"],
+    }
+    several = tmp_path / "several"
+    evaluate(None, suite, out=several)
+    with pytest.raises(ValueError, match=r"got other numbers of worlds by scenario \(2 of empty from 0, 1 of disc"):
+        make(several, "mine", "0" * 40)
+
+
+def test_an_entry_has_the_commit_of_the_code_that_made_its_rows(tmp_path: Path) -> None:
+    module = part("make_entry")
+    evaluate(["go_to_goal"], "empty", episodes=1, out=tmp_path)
+    module.require_own_code(tmp_path)
+    manifest = tmp_path / "manifest.json"
+    told = json.loads(manifest.read_text(encoding="utf-8"))
+    told["versions"]["bug_gym_source"] = 16 * "0"
+    manifest.write_text(json.dumps(told), encoding="utf-8")
+    with pytest.raises(ValueError, match="other source of bug_gym has made its rows"):
+        module.require_own_code(tmp_path)
 
 
 # ------------------------------------------------------------------------------------------------ sources and links

@@ -24,6 +24,7 @@ from stable_baselines3.dqn.policies import DQNPolicy
 from stable_baselines3.sac.policies import SACPolicy
 
 from bug_gym.agents.learning.folder import CONFIG, GRAPH, WEIGHTS, checksums, read_checked, read_config
+from bug_gym.agents.learning.recorded import parts_of, worlds_of
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
     ALGORITHMS,
@@ -37,7 +38,7 @@ from bug_gym.assignments import name_and_options
 from bug_gym.config import ScenarioError, dump
 from bug_gym.config import load as load_scenario
 from bug_gym.files import machine, replaced_when_done
-from bug_gym.held_out import TRAINING_SEEDS
+from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS
 from bug_gym.references import is_reference
 from bug_gym.schema.own import OWN_PARTS
 
@@ -212,8 +213,7 @@ def _dataset_of(record: Mapping[str, Any]) -> str | None:
     if asked is None or "dataset" in record:
         return record.get("dataset")
     told, keys = record.get("data") or {}, ("policy", "parameters", "episodes", "first_seed")
-    parts = told["of"].values() if isinstance(told.get("of"), Mapping) else [told]
-    came = [tuple(part.get(key) for key in keys) for part in parts]
+    came = [tuple(part.get(key) for key in keys) for part in parts_of(told)]
     with suppress(ValueError):  # names that nobody could have collected of
         named = map(name_and_options, asked["policies"])
         expected = [(name, options, asked["episodes"], TRAINING_SEEDS) for name, options in named]
@@ -261,7 +261,7 @@ def card(record: Mapping[str, Any]) -> str:
         *_cut_short(record),
         *_stages(record),
         "",
-        "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:",
+        _worlds_of_results(record),
         "",
         "| seed | steps | minutes | CPU minutes | scenario | n | success | 95 % | collision | timeout | time [s] |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
@@ -327,9 +327,26 @@ def _learnt_from(record: Mapping[str, Any]) -> list[str]:
         return [f"- Learnt from: the answers of {settings['expert']} along the learner's own ways"]
     if not data or not {"policy", "scenario", "first_seed", "episodes"} <= data.keys():
         return ["- Learnt from: episodes that were handed in"]
-    drivers = ", ".join(data.get("of", [data["policy"]]))
+    drivers = ", ".join(map(_driver, parts_of(data)))
     worlds = f"{data['scenario']}, seeds from {data['first_seed']}"
     return [f"- Learnt from: {data['episodes']} episodes of {drivers} in worlds of {worlds}"]
+
+
+def _driver(part: Mapping[str, Any]) -> str:
+    """Who drove episodes, with parameters."""
+    options = part.get("parameters") or {}
+    return ":".join([str(part["policy"]), *(f"{key}={value}" for key, value in options.items())])
+
+
+def _worlds_of_results(record: Mapping[str, Any]) -> str:
+    """Which worlds the results are of; those that the episodes of an offline training come from are not held out."""
+    tests = range(TEST_SEEDS, TEST_SEEDS + record["settings"]["test_episodes"])
+    if known := worlds_of(record.get("data") or {}, tests):
+        told = f"of which {known:,} of {len(tests):,} are not held out: its episodes were collected there"
+        return f"Results in worlds of `bug-gym evaluate`, {told}; with Wilson intervals:"
+    return (
+        "Results in worlds held out from training and validation (those of `bug-gym evaluate`), with Wilson intervals:"
+    )
 
 
 def _stages(record: Mapping[str, Any]) -> list[str]:

@@ -27,7 +27,7 @@ from bug_gym.agents.learning.diverging import told_when_diverged
 from bug_gym.agents.learning.folder import CONFIG, Point, models_so_far, read_config
 from bug_gym.agents.learning.iql import IQL
 from bug_gym.agents.learning.progress import Progress
-from bug_gym.agents.learning.recorded import Recorded
+from bug_gym.agents.learning.recorded import Recorded, worlds_of
 from bug_gym.agents.learning.regression import Batch, Learner, near_moves
 from bug_gym.agents.learning.settings import (
     AnyOffline,
@@ -55,8 +55,10 @@ from bug_gym.agents.learning.training import (
 )
 from bug_gym.checks import checked_count
 from bug_gym.files import out_path
+from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS
 from bug_gym.kinematics import discrete_actions
 from bug_gym.limits import MOST_TRAININGS, MOST_WORKERS
+from bug_gym.log import warn_once
 from bug_gym.policy import ScriptedPolicy
 from bug_gym.view import Sensors
 from bug_gym.workers import Workers, are_several
@@ -181,6 +183,7 @@ def train_offline(
     if isinstance(settings, DaggerSettings):
         _expert_of(settings)  # what cannot be asked is found out before anything is written
     require_same_data(out_path(out), episodes)
+    _tell_worlds_known(settings, episodes)
     threads = checked_count("threads", threads, most=MOST_WORKERS)
     told = None if dataset is None else os.fspath(dataset)
     work = partial(_train_in, episodes=episodes, threads=threads, progress=progress, dataset=told)
@@ -233,6 +236,15 @@ def require_same_data(folder: Path, episodes: Recorded | None) -> None:
     for model in (folder, *models_so_far(folder)):
         if (model / CONFIG).exists():
             _require_same_origin(model, read_config(model).get("data"), now)
+
+
+def _tell_worlds_known(settings: AnyOffline, episodes: Recorded | None) -> None:
+    """Say so where a model would be judged in worlds that it has learnt from."""
+    tests = range(TEST_SEEDS, TEST_SEEDS + settings.test_episodes)
+    if episodes is not None and (known := worlds_of(episodes.origin, tests)):
+        expected = f"collect those to learn from in worlds of trainings, bug-gym collect --seed {TRAINING_SEEDS}"
+        told = f"{known:,} of the {len(tests):,} worlds that {settings.name} is judged in are those of its episodes"
+        warn_once(f"{told}, as those of `bug-gym evaluate` may be: {expected}")
 
 
 def origin_of(episodes: Recorded | None) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -124,3 +124,19 @@ def joined(parts: Sequence[Recorded]) -> Recorded:
         np.concatenate([part.terminated for part in parts]),
         parts[0].origin,
     )
+
+
+def parts_of(origin: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What episodes were collected of, policy by policy; those of one are one part."""
+    of = origin.get("of")
+    return list(of.values()) if isinstance(of, Mapping) else [origin]
+
+
+def worlds_of(origin: Mapping[str, Any], seeds: range) -> int:
+    """In how many of the worlds of these seeds episodes were collected, as far as it is known where they were."""
+    found: set[int] = set()
+    for part in parts_of(origin):
+        first, count = part.get("first_seed"), part.get("episodes")
+        if isinstance(first, int) and isinstance(count, int):
+            found.update(range(max(first, seeds.start), min(first + count, seeds.stop)))
+    return len(found)

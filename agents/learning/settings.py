@@ -278,11 +278,22 @@ class OffPolicySettings(Settings):
     tau: Share = 0.005
     """Share by which the target network follows."""
 
+    @model_validator(mode="after")
+    def _learns_at_all(self) -> Self:
+        at_once = self.n_envs * self.train_freq
+        steps = at_once * -(-self.n_timesteps // at_once)
+        if self.learning_starts >= steps:
+            took = f"the training has {steps:,} steps, and would learn nothing"
+            raise wrong(f"got {self.learning_starts}, expected less: {took}", "learning_starts")
+        return self
+
 
 class SACSettings(OffPolicySettings):
     """Soft actor-critic, Haarnoja et al. 2018."""
 
     algo: Literal["sac"]
+    action: Literal["continuous"] = "continuous"
+    """Which actions the robot takes."""
     ent_coef: str | Coefficient = "auto_0.05"
     """Weight of the entropy; "auto_X" learns it from X on."""
     target_entropy: Number = -2.0
@@ -309,7 +320,8 @@ class DQNSettings(OffPolicySettings):
     """Deep Q-learning, Mnih et al. 2015, over the discrete actions."""
 
     algo: Literal["dqn"]
-    action: Literal["continuous", "discrete"] = "discrete"
+    action: Literal["discrete"] = "discrete"
+    """Which actions the robot takes."""
     target_update_interval: AtLeastOne = 64
     """Steps of the worlds from one update of the target network to the next."""
     n_steps: AtLeastOne = 1

@@ -77,7 +77,7 @@ def _print(result: Reproduction) -> None:
     for table in result.tables:
         print_text_table(table.title, table.header, table.rows, console)
     for note in result.notes:
-        console.print(note, highlight=False)
+        console.print(note, markup=False, highlight=False)
     if result.holds is not None:
         console.print("every claim holds" if result.holds else "NOT every claim holds", style="bold")
 

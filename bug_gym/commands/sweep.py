@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from functools import partial
 from pathlib import Path
 
 from bug_gym.checks import needed_from
@@ -30,7 +31,8 @@ def run(options: argparse.Namespace) -> None:
     settings = load_sweep(options.name, trust=options.trust)
     options.out = options.out or Path("results", "sweeps", file_name(settings.name))
     console = Console(stderr=True)
+    report = partial(console.print, markup=False, highlight=False, soft_wrap=True)  # a line is a line, in a log too
     with workers_of(options) as workers:
-        best = sweep(settings, options.out, workers=workers, report=lambda line: console.print(line, highlight=False))
+        best = sweep(settings, options.out, workers=workers, report=report)
     model = best / "seed-0"
     print(f"{model}: play it with --policies {shlex.quote(f'{model}/')}; all trials: {options.out / 'sweep.csv'}")

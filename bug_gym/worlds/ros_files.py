@@ -74,11 +74,12 @@ class RosMap:
         """xmin, ymin, xmax, ymax [m] of a rectangle that holds all free cells.
 
         Raises:
-            ValueError: there is no free cell.
+            ValueError: there is no free cell; the message names the picture.
         """
         rows, columns = np.nonzero(self.cells == FREE)
         if len(rows) == 0:
-            raise ValueError("the map has no free cell")
+            told = f"{self.picture}: the map has no free cell"
+            raise ValueError(f"{told}, expected some lighter than free_thresh says (darker with negate: 1)")
         left, low, right, high = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
         x, y = self.to_world(np.array([[left, low], [right, low], [right, high], [left, high]], dtype=np.float64)).T
         return float(x.min()), float(y.min()), float(x.max()), float(y.max())

@@ -458,3 +458,9 @@ def ended(worlds: int, lost: Sequence[int]) -> list[EpisodeRow]:
         replace(BLANK, seed=seed, outcome="collision" if seed in lost else "success", success=seed not in lost)
         for seed in range(worlds)
     ]
+
+
+def test_notes_are_printed_with_all_of_their_words(capsys: pytest.CaptureFixture[str]) -> None:
+    note = "[b]ug.py:Mine: the interval is [low, high]"
+    reproduce._print(Reproduction("one", [], [note], {}, None))
+    assert capsys.readouterr().out == f"{note}\n"

@@ -515,8 +515,10 @@ def test_a_missing_map_is_told_by_its_key(tmp_path: Path) -> None:
 
 
 def test_a_map_without_free_cells_says_so(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no free cell"):
-        layouts_on(write_map(tmp_path, np.full((30, 30), OCCUPIED)), 1)
+    path = write_map(tmp_path, np.full((30, 30), OCCUPIED))
+    (picture,) = (other for other in tmp_path.iterdir() if other != Path(path))
+    with pytest.raises(ValueError, match=f"^{re.escape(str(picture))}: the map has no free cell, expected some"):
+        layouts_on(path, 1)
 
 
 def test_the_yaml_of_a_map_is_a_world_with_that_map(tmp_path: Path) -> None:

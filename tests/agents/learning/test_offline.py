@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import re
 import shlex
@@ -35,7 +36,7 @@ from bug_gym.agents.learning.td3_bc import TD3BC, actor_loss, held
 from bug_gym.agents.learning.training import rebuild, robot_of, train
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError, load
-from bug_gym.held_out import TRAINING_SEEDS, VALIDATION_SEEDS, play
+from bug_gym.held_out import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS, play
 from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors
 
@@ -724,6 +725,43 @@ def test_the_command_on_a_card_names_a_dataset_that_was_given(tmp_path: Path, mo
     for name, command in told.items():
         assert main([*command[1:], "--out", f"{name}-again"]) == 0
         assert same(weights(Path(name)), weights(Path(f"{name}-again")))
+
+
+@pytest.mark.parametrize(
+    ("first", "counts", "known"),
+    [
+        (0, (3,), 3),
+        (2, (3,), 2),
+        (0, (9,), 4),
+        (1, (2, 3), 3),  # two policies, in the same worlds
+        (4, (3,), 0),
+        (TRAINING_SEEDS, (3,), 0),
+    ],
+)
+def test_worlds_that_a_model_has_learnt_from_are_not_called_held_out(
+    first: int, counts: tuple[int, ...], known: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    about = {"scenario": "dynamic", "first_seed": first}
+    parts = {f"driver {count}": {**about, "policy": f"driver {count}", "episodes": count} for count in counts}
+    (alone, *others) = parts.values()
+    origin = alone | ({"policy": "mixed", "episodes": sum(counts), "of": parts} if others else {})
+    episodes = replace(answered(3), origin=origin)
+    assert len(range(max(first, TEST_SEEDS), min(first + max(counts), TEST_SEEDS + 4))) == known  # 4 test_episodes
+    with caplog.at_level(logging.WARNING, logger="bug_gym"):
+        train_offline(tiny("bc", name=f"from {first} {counts}"), tmp_path, episodes=episodes)
+    card = (tmp_path / "card.md").read_text(encoding="utf-8")
+    is_told = (
+        f"{known} of the 4 worlds that from {first} {counts} is judged in are those of its episodes" in caplog.text
+    )
+    assert is_told == (f"of which {known} of 4 are not held out" in card) == (known > 0)
+    assert ("Results in worlds held out from training" in card) == (known == 0)
+
+
+def test_a_card_says_with_which_parameters_its_drivers_drove(tmp_path: Path) -> None:
+    told = {"policy": "bug2", "parameters": {"turn": "right"}, "scenario": "dynamic", "first_seed": TRAINING_SEEDS}
+    episodes = replace(answered(3), origin={**told, "episodes": 3})
+    train_offline(tiny("bc"), tmp_path, episodes=episodes)
+    assert "Learnt from: 3 episodes of bug2:turn=right in worlds" in (tmp_path / "card.md").read_text(encoding="utf-8")
 
 
 def test_the_command_on_a_card_says_that_episodes_were_handed_in(clone: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -371,6 +371,20 @@ def test_the_command_says_how_its_best_is_played_as_a_shell_reads_it(
     assert main(["sweep", "ppo_dynamic", "--out", str(best.parent)]) == 0
     words = shlex.split(capsys.readouterr().out.partition("play it with ")[2].partition(";")[0])
     assert words == ["--policies", f"{best / 'seed-0'}/"]
+
+
+def test_a_line_about_a_trial_stays_one_line_and_loses_no_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = f"trial 0: failed with {{'start_from': '[b]/model'}}: got {'7' * 200}, expected [x, y, yaw]"
+
+    def one_trial(*_: Any, report: Callable[[str], None], **__: Any) -> Path:
+        report(line)
+        return tmp_path / "trial-0"
+
+    monkeypatch.setattr(sweeps, "sweep", one_trial)
+    assert main(["sweep", "ppo_dynamic", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().err == f"{line}\n"
 
 
 def test_a_training_that_fails_before_it_has_a_folder_says_why_in_one(

@@ -116,6 +116,32 @@ def test_a_weight_of_the_entropy_that_cannot_be_is_refused(weight: str) -> None:
         assert load_settings("sac_dynamic", {"ent_coef": known}).algo == "sac"
 
 
+@pytest.mark.parametrize(
+    ("algo", "wrong", "right"), [("sac", "discrete", "continuous"), ("dqn", "continuous", "discrete")]
+)
+def test_actions_that_an_algorithm_cannot_learn_are_refused(algo: str, wrong: str, right: str) -> None:
+    short = {"algo": algo, "scenarios": ["dynamic"], "n_timesteps": 20_000}
+    assert load_settings(short).action == load_settings({**short, "action": right}).action == right
+    with pytest.raises(ScenarioError, match=f"action: got '{wrong}', expected '{right}'"):
+        load_settings({**short, "action": wrong})
+
+
+@pytest.mark.parametrize("name", ["sac_dynamic", "dqn_candidates"])
+@pytest.mark.parametrize(("n_timesteps", "train_freq"), [(64, 1), (100, 1), (100, 7)])
+def test_a_training_learns_something_or_is_refused(name: str, n_timesteps: int, train_freq: int) -> None:
+    short: dict[str, Any] = {"n_timesteps": n_timesteps, "n_envs": 8, "train_freq": train_freq, "gradient_steps": 1}
+    short |= {"eval_episodes": 1, "test_episodes": 1, "overrides.time.limit": 1.0}
+    steps = 8 * train_freq * math.ceil(n_timesteps / (8 * train_freq))  # whole rounds of all worlds
+    with pytest.raises(ScenarioError, match=f"learning_starts: got {steps}, expected less: .* {steps} steps"):
+        load_settings(name, {**short, "learning_starts": steps})
+    settings = load_settings(name, {**short, "learning_starts": steps - 1})
+    env = make_training_env(settings, 0)
+    model = make_model(settings, env, 0)
+    model.learn(settings.n_timesteps)
+    env.close()
+    assert model.num_timesteps == steps and model._n_updates > 0
+
+
 def test_an_unknown_training_is_refused_with_the_nearest_names() -> None:
     with pytest.raises(ScenarioError, match="ppo_dynamic"):
         load_settings("ppo_dynamik")
