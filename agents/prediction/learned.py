@@ -5,6 +5,7 @@ They answer what BugGym/Prediction-v0 asks. The shipped ones lie in agents/train
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -87,8 +88,8 @@ class LearnedPredictor:
         self.config = read_config(folder)
         self._session = open_graph(folder / GRAPH, self.config["sha256"][GRAPH])
         require_answers(self._session, folder / GRAPH, WIDTH, [(ANSWERS,)])
-        # An error is a distance, a spread that of one coordinate.
-        self._errors = np.concatenate([[0.0], np.array(self.config["errors"]) / np.sqrt(2.0)])
+        # The mean of a distance in the plane is so many times the deviation of one coordinate, if they are a Gaussian's.
+        self._errors = np.concatenate([[0.0], np.array(self.config["errors"]) / math.sqrt(0.5 * math.pi)])
 
     def predict(self, tracks: Tracks, times: F64) -> Prediction:
         """Where the network says that movers go; what doesn't move stays.

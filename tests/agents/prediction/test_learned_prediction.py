@@ -43,6 +43,17 @@ def test_beyond_the_last_horizon_the_error_of_the_mean_velocity_goes_on(name: st
     assert np.allclose(grown[:, 2:], grown[:, 1:2] * [2.0, 3.0])
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+def test_errors_of_a_gaussian_of_the_spread_are_in_the_mean_those_of_the_validation(name: str) -> None:
+    scenario = law_world("crowd", VALIDATION_SEEDS)
+    tracks = next(moments(scenario, VALIDATION_SEEDS, every=5)).tracks
+    _, spread = make_predictor(name, Sensors.of(scenario)).predict(tracks, np.concatenate([[0.0], HORIZONS]))
+    grown = np.sqrt(spread[0, 1:] ** 2 - spread[0, 0] ** 2)
+    errors = grown[:, None, None] * np.random.default_rng(0).normal(size=(len(HORIZONS), 100_000, 2))
+    config = json.loads((TRAINED_FOLDER / f"{name}_predictor" / CONFIG).read_text(encoding="utf-8"))
+    assert np.hypot(errors[..., 0], errors[..., 1]).mean(axis=1) == pytest.approx(config["errors"], rel=0.01)
+
+
 @pytest.mark.parametrize("kind", SHIPPED)
 @pytest.mark.parametrize("law", ["random_walk", "evade"])
 def test_a_shipped_predictor_knows_better_than_the_filter_where_movers_turn(kind: str, law: str) -> None:
