@@ -24,6 +24,7 @@ from bug_gym.agents.outside import (
     Spec,
     imported_class,
     is_object,
+    known_by,
     offered_class,
     require_constructor,
     require_memory,
@@ -291,6 +292,9 @@ def outside_reference(name: str) -> str:
         return from_anywhere(name)
     lines = _installed() | REGISTERED
     return lines[name].entry_point if name in lines else ""
+
+
+known_by[:] = [outside_reference]
 
 
 def make_policy(name: Any, source: Any, /, **parameters: Any) -> Policy:

@@ -12,7 +12,7 @@ import os
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -101,6 +101,9 @@ def run_benchmark(
 ) -> list[Measurement]:
     """Measure everything, write it where that is asked for, and print a table.
 
+    Where it is ended before that, or something cannot be measured, the file has what was measured until then, and the names
+    of what is missing; a file that is there stays as it is, and the new one lies beside it.
+
     Args:
         repeats: how many times each.
         seconds: how long each time [s].
@@ -119,17 +122,33 @@ def run_benchmark(
         *plan_tasks(),
         *decision_tasks(worlds, seconds),
     ]
-    with progress_bar(shown=True) as track:
-        measurements = [measure(task, repeats) for task in track(tasks, "measurements", len(tasks))]
     settings = {**machine(), "worlds": worlds, "repeats": repeats, "seconds": seconds}
+    measurements: list[Measurement] = []
+    try:
+        with progress_bar(shown=True) as track:
+            for task in track(tasks, "measurements", len(tasks)):
+                measurements.append(measure(task, repeats))
+    except BaseException as error:
+        if out is not None and measurements:
+            kept = out.with_name(f"{out.stem}-incomplete{out.suffix}") if out.is_file() else out
+            _write(kept, settings, measurements, tasks)
+            error.add_note(f"{kept} keeps {len(measurements)} of {len(tasks)} measurements")
+        raise
     try:  # the file first: where nobody reads the table, printing it ends the command
         if out is not None:
-            data = {"settings": settings, "measurements": [asdict(measurement) for measurement in measurements]}
-            with replaced_when_done(out) as partial_file:
-                partial_file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+            _write(out, settings, measurements, tasks)
     finally:
         print_measurements(settings, measurements)
     return measurements
+
+
+def _write(out: Path, settings: Mapping[str, Any], measurements: Sequence[Measurement], tasks: Sequence[Task]) -> None:
+    """Write how it was measured, what was, and the names of what was not."""
+    missing = [task.name for task in tasks[len(measurements) :]]
+    lines = [asdict(measurement) for measurement in measurements]
+    data = {"settings": dict(settings), "measurements": lines, "missing": missing}
+    with replaced_when_done(out) as partial_file:
+        partial_file.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
 
 
 def measure(task: Task, repeats: int) -> Measurement:
@@ -156,7 +175,7 @@ def print_measurements(settings: dict[str, Any], measurements: Sequence[Measurem
         numbers = (f"{value:,.0f}" if value >= 1000.0 else f"{value:.3g}" for value in values)
         table.add_row(line.name, *numbers, line.unit)
     console = Console()
-    console.print(", ".join(f"{name} {value}" for name, value in settings.items()), highlight=False)
+    console.print(", ".join(f"{name} {value}" for name, value in settings.items()), markup=False, highlight=False)
     console.print(table, highlight=False)
 
 

@@ -7,6 +7,7 @@ replaced nor written through.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -88,6 +89,10 @@ def file_name(label: str) -> str:
     return re.sub(r"[^\w.-]+", "_", label).lstrip(".") or "unnamed"
 
 
+FULL = frozenset(getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if hasattr(errno, name))
+"""Of errors of the system: a disk that takes no more."""
+
+
 @contextmanager
 def replaced_when_done(path: str | Path) -> Iterator[Path]:
     """A place to write a file to, which takes its name once it is whole and on the disk; a failure leaves nothing.
@@ -103,7 +108,7 @@ def replaced_when_done(path: str | Path) -> Iterator[Path]:
     own = partial.open("xb")  # made new, so neither another's file nor one behind a link
     made = os.fstat(own.fileno())
     try:
-        with own:
+        with own, _named(target):
             yield partial
             os.fsync(own.fileno())
             if not _is_at(partial, made):
@@ -179,10 +184,22 @@ def append(path: str | Path, data: bytes) -> None:
     Raises:
         ValueError: the path is not `writable`.
     """
-    with open(writable(path), "ab", opener=_open_itself) as file:
+    target = writable(path)
+    with _named(target), open(target, "ab", opener=_open_itself) as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Have an error of a disk that takes no more, which says nothing of the file, name it."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(path)
+        raise
 
 
 def _open_itself(path: str, flags: int) -> int:

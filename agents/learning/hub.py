@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from json import JSONDecodeError
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,14 +78,20 @@ def talking(failed: str) -> Iterator[None]:
     """
     with needed_from("hub", "a model on the hub"):
         from huggingface_hub.errors import HfHubHTTPError, LocalEntryNotFoundError, LocalTokenNotFoundError
-    # Its bases are the errors of the HTTP library that the hub's client uses, which differs by its version.
+    # Its bases are the errors of the HTTP library that the hub's client uses, which differs by its version. A ValueError is of
+    # an answer that is no JSON, as of a network's own page for logging in, or of a token with signs that no token has.
     refused: tuple[type[BaseException], ...] = (
         *HfHubHTTPError.__bases__,
         LocalEntryNotFoundError,
         LocalTokenNotFoundError,
+        ValueError,
     )
     try:
         yield
     except refused as error:
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
+        if isinstance(error, UnicodeError):
+            reason = f"its token cannot be sent: {reason}"
+        elif isinstance(error, JSONDecodeError):
+            reason = f"what answers is no hub: {reason}"
         raise ValueError(f"{failed}: {reason}") from None

@@ -24,7 +24,7 @@ from bug_gym.agents.learning.beside import beside
 from bug_gym.agents.learning.curriculum import Curriculum, Stage, require_stages
 from bug_gym.agents.learning.history import Lags
 from bug_gym.agents.model_places import model_digest, policy_digest
-from bug_gym.agents.outside import Spec, imported_class
+from bug_gym.agents.outside import Spec, imported_class, reference_by_name
 from bug_gym.config import (
     SCENARIO_FOLDER,
     Scenario,
@@ -189,7 +189,8 @@ def _digests(worlds: Mapping[str, Sequence[Scenario]]) -> dict[str, str]:
 def _digest_of(policy: str) -> str:
     """Of the code or the model that a policy is named by, and the models among its parameters; "" where there is none."""
     spec = Spec.of(policy)
-    own = code_digest(imported_class(spec.name)) if is_reference(spec.name) else model_digest(spec.name)
+    reference = reference_by_name(spec.name)
+    own = code_digest(imported_class(reference)) if reference else model_digest(spec.name)
     return policy_digest(own, spec.parameters)
 
 

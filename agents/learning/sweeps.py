@@ -5,7 +5,7 @@ tools read it. A sweep that was cut off goes on with the trials that were under 
 again. The others begin anew, but for PPO where this process trains by itself: it goes on from its last checkpoint.
 
 A trial whose training comes to nothing, as one does whose step is so large that its network's numbers are none any more, counts
-as done, and says why in its folder and in the study.
+as done, and says why in its folder and in the study. Without what its folder says of that its values are tried again.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
 from statistics import mean
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 
@@ -30,6 +31,7 @@ from bug_gym.agents.learning.training import identity_of, is_done, require_same,
 from bug_gym.checks import needed_from, shortened
 from bug_gym.config import ScenarioError
 from bug_gym.files import one_writer, out_path, replaced_when_done, writable
+from bug_gym.references import source_digest
 from bug_gym.workers import Crew, Workers, are_several
 
 if TYPE_CHECKING:
@@ -39,6 +41,8 @@ STUDY, TABLE = "study.db", "sweep.csv"
 """Files of a sweep: what Optuna keeps, and its trials as a table."""
 FAILED = "failed.txt"
 """File of a model's folder that has none: why."""
+SOURCE = "bug_gym_source"
+"""What the study keeps of a trial beside its value: which code of this package has trained it."""
 
 
 def sweep(
@@ -63,19 +67,22 @@ def sweep(
         ImportError: Optuna is not installed; the message names the extra.
         ValueError: the folder is of another sweep, or what its trials were trained with has changed since, or it is in use, or
             no trial could be trained.
+        OSError: the disk is full, say; the sweep goes on where it was once there is room.
     """
     with needed_from("sweep", "a sweep"):
         import optuna
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     out = out_path(out)
     out.mkdir(parents=True, exist_ok=True)
-    with one_writer(out):
+    with one_writer(out), _naming_storage(out):
         study = _study(settings, out)
         _require_same_trainings(settings, out, study)
         under_way = _under_way(study)
+        _tell_what_was(study, out, report)
+        _ask_again(study, out)
         if settings.sampler == "grid":
-            _ask_whole_grid(study, settings.grid)
-        while (left := settings.total - _finished(study)) > 0:
+            _ask_whole_grid(study, out, settings.grid)
+        while (left := settings.total - _finished(study, out)) > 0:
             at_once = max(workers.size if isinstance(workers, Crew) else workers, 1)
             count = min(left, max(at_once // settings.seeds, 1))
             trials = [under_way.pop(0) if under_way else study.ask() for _ in range(count)]
@@ -87,13 +94,27 @@ def sweep(
                     report(f"trial {trial.number}: failed with {trial.params}: {why}")
                     continue
                 value = _value(settings, out, trial.number)
+                trial.set_user_attr(SOURCE, source_digest()[:16])
                 study.tell(trial, value)
                 report(f"trial {trial.number}: {100.0 * value:.1f} % with {trial.params}")
                 _write_table(study, out / TABLE)
         if not any(trial.value is not None for trial in study.trials):
-            first = next(trial for trial in study.trials if FAILED in trial.user_attrs)
-            raise ValueError(f"{out}: no trial could be trained; {first.params}: {first.user_attrs[FAILED]}")
+            first = next(trial for trial in study.trials if _has_failed(trial, out))
+            told = f"{first.params}: {first.user_attrs[FAILED]}; {_how_again(first, out)}"
+            raise ValueError(f"{out}: no trial could be trained; {told}")
         return out / f"trial-{study.best_trial.number}"
+
+
+@contextmanager
+def _naming_storage(out: Path) -> Iterator[None]:
+    """Tell which file Optuna could not write, or read, and why."""
+    from optuna.exceptions import StorageInternalError
+    from sqlalchemy.exc import SQLAlchemyError
+
+    try:
+        yield
+    except (SQLAlchemyError, StorageInternalError) as error:
+        raise OSError(f"{out / STUDY} cannot be used: {str(error.__cause__ or error).splitlines()[0]}") from None
 
 
 def _study(settings: SweepSettings, out: Path) -> optuna.Study:
@@ -103,7 +124,7 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
         ValueError: it is of another sweep, or damaged.
     """
     import optuna
-    from sqlalchemy.exc import SQLAlchemyError
+    from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
     path = writable(out.absolute() / STUDY)
     try:
@@ -114,6 +135,8 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
             load_if_exists=True,
         )
     except SQLAlchemyError as error:
+        if isinstance(error, OperationalError):
+            raise  # the disk is full, say
         raise ValueError(f"{out / STUDY} is damaged: {str(error).splitlines()[0]}") from None
     # As many trials as there are: what goes on does not draw again what was drawn. A grid's trials are all enqueued.
     study.sampler = optuna.samplers.TPESampler(seed=len(study.trials), constant_liar=True)
@@ -141,15 +164,47 @@ def _require_same_trainings(settings: SweepSettings, out: Path, study: optuna.St
                 require_same(out / f"trial-{trial.number}" / f"seed-{seed}", trained, [seed])
 
 
-def _is_finished(trial: optuna.trial.FrozenTrial) -> bool:
-    """Whether a trial has a value, or could not have one; who was cut off has failed for Optuna, too, but not of itself."""
+def _has_failed(trial: optuna.trial.FrozenTrial, out: Path) -> bool:
+    """Whether a trial came to nothing, and its folder still says so; who was cut off has failed for Optuna, too."""
+    return FAILED in trial.user_attrs and any(out.glob(f"trial-{trial.number}/seed-*/{FAILED}"))
+
+
+def _is_finished(trial: optuna.trial.FrozenTrial, out: Path) -> bool:
+    """Whether a trial has a value, or could not have one."""
     from optuna.trial import TrialState
 
-    return trial.state == TrialState.COMPLETE or FAILED in trial.user_attrs
+    return trial.state == TrialState.COMPLETE or _has_failed(trial, out)
 
 
-def _finished(study: optuna.Study) -> int:
-    return sum(map(_is_finished, study.trials))
+def _finished(study: optuna.Study, out: Path) -> int:
+    return sum(_is_finished(trial, out) for trial in study.trials)
+
+
+def _tell_what_was(study: optuna.Study, out: Path, report: Callable[[str], None]) -> None:
+    """Tell of trials that had failed before and are not tried again, and of those that other code has trained."""
+    if failed := [trial for trial in study.trials if _has_failed(trial, out)]:
+        first, *others = failed
+        more = f", and {len(others)} more" if others else ""
+        why = f"{first.params}: {first.user_attrs[FAILED]}"
+        report(f"trial {first.number}{more} had failed before: {why}; {_how_again(first, out)}")
+    here = source_digest()[:16]
+    by_others = [
+        one.number for one in study.trials if one.value is not None and one.user_attrs.get(SOURCE, here) != here
+    ]
+    if by_others:
+        which = f"{'trials' if len(by_others) > 1 else 'trial'} {', '.join(map(str, by_others))}"
+        report(f"{which}: trained by other code of bug_gym than this, the others may not compare with that")
+
+
+def _how_again(trial: optuna.trial.FrozenTrial, out: Path) -> str:
+    """What to do to have a trial that has failed tried again."""
+    return f"remove {out / f'trial-{trial.number}'} to have its values tried again"
+
+
+def _ask_again(study: optuna.Study, out: Path) -> None:
+    """Have the values of trials waiting that had failed, and whose folders say so no more."""
+    again = [trial.params for trial in study.trials if FAILED in trial.user_attrs and not _has_failed(trial, out)]
+    _ask_each(study, out, again)
 
 
 def _under_way(study: optuna.Study) -> list[optuna.Trial]:
@@ -160,20 +215,24 @@ def _under_way(study: optuna.Study) -> list[optuna.Trial]:
     return [optuna.Trial(study, trial._trial_id) for trial in running]  # as `study.ask` makes one
 
 
-def _ask_whole_grid(study: optuna.Study, grid: Mapping[str, Sequence[Choice]]) -> None:
+def _ask_whole_grid(study: optuna.Study, out: Path, grid: Mapping[str, Sequence[Choice]]) -> None:
     """Have each combination waiting, but for those that are done, under way or waiting already."""
+    _ask_each(study, out, [dict(zip(grid, values, strict=True)) for values in product(*grid.values())])
+
+
+def _ask_each(study: optuna.Study, out: Path, combinations: Sequence[Mapping[str, Any]]) -> None:
+    """Have values waiting, but for those that are done, under way or waiting already."""
     from optuna.trial import TrialState
 
-    done = [trial.params for trial in study.trials if _is_finished(trial)]
+    done = [trial.params for trial in study.trials if _is_finished(trial, out)]
     asked = [
         trial.system_attrs.get("fixed_params", trial.params)
         for trial in study.trials
         if trial.state in (TrialState.WAITING, TrialState.RUNNING)
     ]  # where Optuna keeps what was enqueued
-    for values in product(*grid.values()):
-        combination = dict(zip(grid, values, strict=True))
+    for combination in combinations:
         if combination not in done and combination not in asked:
-            study.enqueue_trial(combination)
+            study.enqueue_trial(dict(combination))
 
 
 def _train_trials(settings: SweepSettings, out: Path, trials: Sequence[optuna.Trial], workers: Workers) -> None:

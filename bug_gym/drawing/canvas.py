@@ -65,8 +65,8 @@ logger = logging.getLogger("bug_gym")
 
 PAINT = 2
 """Pixels that are painted for one of the frame, along each side; `pixels.halve` averages them."""
-
-
+FLAT = 48.0
+"""Units of a frame's height that a world has at least, however flat it is: a flag within it stays below the caption."""
 LARGEST, PIXEL_BYTES = 5_000, 50
 """Longest side of a frame [pixels], and what one of its pixels takes while it is painted: three surfaces, and the frame."""
 
@@ -114,9 +114,9 @@ class Canvas:
         xmin, ymin, xmax, ymax = box or simulation.scenario.world.box
         margin = 24.0 * max(self.unit, 0.8)
         scale = (size - 2.0 * margin) / max(xmax - xmin, ymax - ymin)
-        # Even sides, because video codecs want them; wide enough for the caption.
+        # Even sides, because video codecs want them; wide enough for the caption, high enough for a flag below it.
         self.width = max(even(scale * (xmax - xmin) + 2.0 * margin), even(0.4 * size))
-        self.height = even(scale * (ymax - ymin) + 2.0 * margin)
+        self.height = max(even(scale * (ymax - ymin) + 2.0 * margin), even(FLAT * self.unit + 2.0 * margin))
         self.margin = margin
         self.view = Projection(
             scale, 0.5 * self.width - scale * 0.5 * (xmin + xmax), 0.5 * self.height + scale * 0.5 * (ymin + ymax)

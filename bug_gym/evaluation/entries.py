@@ -65,7 +65,8 @@ class PolicyEntry:
         if isinstance(source, tuple) and len(source) in (2, 3):
             if isinstance(source[1], str):
                 return cls.of(dict(zip(("label", "name", "parameters"), source, strict=False)))
-            return cls._labelled(*source)
+            label = checked(SuitePolicy, {"label": source[0], "name": ""}, "policy").label
+            return cls._labelled(label or "", *source[1:])
         return cls._labelled(source if isinstance(source, str) else "", source)
 
     @classmethod

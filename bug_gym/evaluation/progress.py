@@ -28,7 +28,7 @@ def progress_bar(*, shown: bool) -> Iterator[Track[Any]]:
         TimeRemainingColumn,
     )
 
-    columns = (TextColumn("{task.description:<14}"), BarColumn(), MofNCompleteColumn())
+    columns = (TextColumn("{task.description:<14}", markup=False), BarColumn(), MofNCompleteColumn())
     times = (TextColumn("elapsed"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
     with Progress(*columns, *times, console=Console(stderr=True)) as bar:
         yield lambda items, title, total: bar.track(items, total=total, description=title) if total else items

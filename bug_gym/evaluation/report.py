@@ -9,6 +9,7 @@ import csv
 import io
 import json
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
@@ -272,7 +273,7 @@ def _markdown(
     baseline = differences[0].baseline if differences else rows[0].policy if rows else ""
     teams = [*team_tables(rows), *team_differences(rows, baseline)]
     for title, header, lines in [*tables, *teams]:
-        parts += [f"## {title}", _markdown_table(header, lines, ["--:"] * (len(header) - 1))]
+        parts += [f"## {_escape(title)}", _markdown_table(header, lines, ["--:"] * (len(header) - 1))]
     if named is not None:
         parts += ["## replays", f"Any episode of a policy and a scenario with a name is replayed by `{RENDER_ONE}`."]
     if named:
@@ -285,9 +286,13 @@ def _markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]], sides
     return "\n".join("| " + " | ".join(map(_escape, line)) + " |" for line in (header, [":--", *sides], *lines))
 
 
-def _escape(cell: str) -> str:
-    """Keep a cell of a Markdown table one cell."""
-    return cell.replace("|", "\\|").replace("\n", " ")
+_SIGNS = re.compile(r"[\\`*<&~|]|(?<![^\W_])_|_(?![^\W_])")
+"""What Markdown would take for a sign; an underscore within a word is none."""
+
+
+def _escape(text: str) -> str:
+    """Have a text stand in Markdown as it is, in one line, and keep a cell of a table one cell."""
+    return _SIGNS.sub(r"\\\g<0>", " ".join(text.splitlines()))
 
 
 def _number(value: float, digits: int) -> str:

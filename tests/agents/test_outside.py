@@ -19,6 +19,7 @@ import pytest
 from bug_gym import agents
 from bug_gym.agents import AGENTS, REGISTERED, Spec, known_agents, make_policy, policy_names, register
 from bug_gym.agents.floors.go_to_goal import GoToGoal
+from bug_gym.agents.learning.settings import load_settings
 from bug_gym.cli import main
 from bug_gym.config import ScenarioError
 from bug_gym.evaluation import evaluate
@@ -191,6 +192,20 @@ def test_an_installed_package_offers_policies(
     assert [record.args[0] for record in caplog.records if record.args] == ["bug2", "odd"]  # type: ignore[index]
     assert main(["list", "policies"]) == 0
     assert "from outside; package their-package" in capsys.readouterr().out
+
+
+def test_a_training_knows_the_code_of_an_expert_that_has_a_name(place: Path) -> None:
+    install(place, "their_bug = my_bug:MyBug")
+    register("my_bug", "my_bug.py:MyBug")
+    asked = {"algo": "dagger", "scenarios": ["dynamic"]}
+    for name in ("their_bug", "my_bug"):
+        settings = load_settings({**asked, "expert": f"{name}:speed=0.5"})
+        by_place = load_settings({**asked, "expert": "my_bug.py:MyBug"}, trust=True)
+        assert settings.made_of["expert"] == by_place.made_of["expert"] != ""
+    with (place / "my_bug.py").open("a") as file:
+        file.write("\n# another text\n")
+    with pytest.raises(ValueError, match="my_bug.py was changed after it was imported"):
+        _ = load_settings({**asked, "expert": "their_bug"}).made_of
 
 
 @pytest.mark.parametrize("name", ["a,b", "col:on", "two words", "1bug", "a/b"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -81,6 +83,35 @@ def test_a_clip_that_breaks_off_leaves_the_old_file(save: Any, clip: list[Frame]
         save(path, broken(), 10.0)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert path.read_text() == "old"
+
+
+FULL_DISK = """
+import sys, resource
+import numpy as np
+from bug_gym.drawing.clips import save_gif, save_mp4
+frames = np.random.default_rng(0).integers(0, 256, (12, 64, 64, 3), dtype=np.uint8)
+{before}
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+try:
+    {save}(sys.argv[1], iter(frames), 10.0)
+except OSError as error:
+    print("refused:", error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of the size of files are POSIX")
+@pytest.mark.parametrize("save", ["save_gif", "save_mp4"])
+def test_a_film_that_the_disk_has_no_room_for_is_refused(save: str, tmp_path: Path) -> None:
+    """ffmpeg is a process of its own, which may find it out after the last frame."""
+    path = tmp_path / f"clip.{save[-3:]}"
+    path.write_text("old")
+    code = FULL_DISK.format(save=save, before="import imageio_ffmpeg" if save == "save_mp4" else "")
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True, timeout=120
+    )
+    (line,) = run.stdout.splitlines()
+    assert line.startswith("refused: ") and str(path) in line and run.stderr == ""
+    assert [file.name for file in tmp_path.iterdir()] == [path.name] and path.read_text() == "old"
 
 
 def test_a_gif_shows_a_frame_no_longer_than_its_format_can(clip: list[Frame], tmp_path: Path) -> None:

@@ -510,6 +510,18 @@ def test_title_and_note_stand_above_the_world() -> None:
 # ---------------------------------------------------------------------------------------------- bad input
 
 
+@pytest.mark.parametrize("size", [200, 600, 1600])
+def test_a_flag_in_a_world_that_is_long_and_flat_stays_below_the_caption(size: int) -> None:
+    frames = []
+    for at in (-80.0, 90.0):
+        world = {"family": "explicit", "bounds": [-100, -1, 100, 1], "start": [0, 0, 0], "goal": [at, 0.5]}
+        simulation = Simulation({**WORLD, "world": world})
+        simulation.reset(seeds=[0])
+        frames.append(Canvas(simulation, size=size).draw())
+    first, other = (frame[: round(18.0 * max(size / 600.0, 0.8))] for frame in frames)
+    assert np.array_equal(first, other) and not np.array_equal(frames[0], frames[1])
+
+
 def test_a_world_that_was_never_reset_is_refused() -> None:
     with pytest.raises(ValueError, match="reset the simulation"):
         Canvas(Simulation(WORLD)).draw()

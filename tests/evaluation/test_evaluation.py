@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from bug_gym.agents import make_policy, policy_names
+from bug_gym.agents.floors.go_to_goal import GoToGoal
 from bug_gym.config import dump, load, scenario_names
 from bug_gym.evaluation import evaluate, make_plan, rollout, work
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
@@ -352,6 +353,8 @@ def test_parameters_reach_the_policy_under_a_label_of_its_own() -> None:
         (["bug0", "bug0"], "two policies are called 'bug0'"),
         ("bug_0", "did you mean 'bug0'"),
         ([{"name": "bug0", "labell": "a"}], "did you mean 'label'"),
+        ([("two\nlines", GoToGoal)], "label: got 'two.nlines', expected one line without control characters"),
+        ([(5, GoToGoal)], "label: got 5"),
         ([("a", "bug0", {"turm": "left"})], "did you mean 'turn'"),
         (
             [{"name": "bug0:turn=left", "parameters": {"turn": "right"}}],

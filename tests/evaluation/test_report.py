@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from markdown_it import MarkdownIt
 from rich.console import Console
 
 from bug_gym.agents import policy_names
@@ -146,6 +147,19 @@ def test_each_markdown_table_is_as_wide_as_its_header(tmp_path: Path) -> None:
     header, rule, *lines = [line.replace("\\|", "") for line in text.splitlines() if line.startswith("|")]
     assert len(lines) == 2 and "pipe" in lines[1]
     assert {line.count("|") for line in (header, rule, *lines)} == {header.count("|")}
+
+
+@pytest.mark.parametrize(
+    "name", ["<b>a</b>", "`a`", "a\\|b", "*a* **b**", "_a_ __init__ bug1_pair", "&lt;a", "~~a~~", "ends\\", "x=1|y=`2`"]
+)
+def test_a_name_stands_in_the_markdown_as_it_is(name: str, tmp_path: Path) -> None:
+    rows = [replace(BLANK, policy=f"p {name}", scenario=f"w {name}", seed=seed) for seed in (1, 2)]
+    write_summary(tmp_path, rows, summarise(rows))
+    text = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    read = MarkdownIt("commonmark").enable(["table", "strikethrough"]).parse(text)
+    cells = [one.children or [] for one in read if one.type == "inline"]
+    shown = ["".join(part.content for part in cell if part.type == "text") for cell in cells]
+    assert f"w {name}" in shown and f"p {name}" in shown
 
 
 PAIRED = [

@@ -166,6 +166,29 @@ def test_the_benchmark_writes_its_file_where_its_table_cannot_be_printed(
     assert line["name"] == "one" and line["median"] == 1.0
 
 
+def test_a_benchmark_that_is_interrupted_keeps_what_it_has_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted() -> float:
+        raise KeyboardInterrupt
+
+    for name in ("part_tasks", "start_tasks", "plan_tasks", "decision_tasks"):
+        monkeypatch.setattr(benchmark, name, lambda *_: [])
+    tasks = [benchmark.Task("one", "s", lambda: 1.0), benchmark.Task("two", "s", interrupted)]
+    monkeypatch.setattr(benchmark, "speed_tasks", lambda *_: tasks)
+    out = tmp_path / "speeds.json"
+    for kept in (out, tmp_path / "speeds-incomplete.json"):
+        before = out.read_bytes() if out.exists() else None
+        assert main(["benchmark", "--repeats", "1", "--out", str(out)]) == 130
+        assert f"interrupted; {kept} keeps 1 of 2 measurements" in " ".join(capsys.readouterr().err.split())
+        data = json.loads(kept.read_text(encoding="utf-8"))
+        assert [line["name"] for line in data["measurements"]] == ["one"] and data["missing"] == ["two"]
+        assert before is None or out.read_bytes() == before, "what was there stays"
+    tasks[:] = [benchmark.Task("two", "s", interrupted)]
+    assert main(["benchmark", "--repeats", "1", "--out", str(tmp_path / "none.json")]) == 130
+    assert "keeps" not in capsys.readouterr().err and not (tmp_path / "none.json").exists()
+
+
 def test_an_unknown_reproduction_is_refused_with_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reproduce", "oni-wang"]) == 2
     assert "did you mean 'oni-wang-table-1'" in capsys.readouterr().err

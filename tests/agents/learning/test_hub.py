@@ -109,9 +109,9 @@ def hub(tmp_path: Path) -> Iterator[str]:
     server.shutdown()
 
 
-def bug_gym(endpoint: str, home: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def bug_gym(endpoint: str, home: Path, *arguments: str, token: str = "hf_none") -> subprocess.CompletedProcess[str]:
     """A command in a process of its own: the hub's client reads its settings when it is imported."""
-    settings = {"HF_ENDPOINT": endpoint, "HF_HOME": str(home), "HF_TOKEN": "hf_none", "HF_HUB_DISABLE_XET": "1"}
+    settings = {"HF_ENDPOINT": endpoint, "HF_HOME": str(home), "HF_TOKEN": token, "HF_HUB_DISABLE_XET": "1"}
     return subprocess.run(
         [sys.executable, "-m", "bug_gym", *arguments],
         cwd=ROOT, env={**os.environ, **settings, "PYTHONPATH": str(ROOT)},
@@ -185,6 +185,19 @@ def test_a_hub_that_does_not_answer_is_told_in_one_line(tmp_path: Path) -> None:
     ran = bug_gym("http://127.0.0.1:1", tmp_path, "push", "ppo_dynamic", "hf://somebody/model")
     assert ran.returncode == 2 and "hf://somebody/model cannot be written" in ran.stderr, ran.stderr
     assert "Traceback" not in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("token", "told"), [("hf_none", "what answers is no hub: "), ("hf_nöne", "its token cannot be sent: ")]
+)
+def test_an_answer_that_is_no_hubs_and_a_token_that_is_none_are_told(
+    token: str, told: str, hub: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a network answers with its page for logging in, or a token was copied with a letter too many."""
+    monkeypatch.setattr(StandIn, "answer_json", lambda self, found, code=200: self.answer(b"<html>log in</html>"))
+    pushed = bug_gym(hub, tmp_path, "push", "ppo_dynamic", "hf://somebody/model", token=token)
+    (line,) = [line for line in pushed.stderr.splitlines() if "error" in line]
+    assert pushed.returncode == 2 and line.startswith(f"bug-gym: error: hf://somebody/model cannot be written: {told}")
 
 
 def test_names_on_the_hub() -> None:

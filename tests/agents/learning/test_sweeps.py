@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shlex
+import shutil
 from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
@@ -215,9 +216,10 @@ def test_a_trial_that_cannot_be_trained_is_told_and_the_others_are(workers: int,
     assert sound.startswith(f"{best.name.replace('-', ' ')}: ") and "{'learning_rate': 0.001}" in sound
     with (tmp_path / sweeps.TABLE).open() as file:
         assert [row[2] for row in csv.reader(file)] == ["learning_rate", "0.001"]
-    assert sweeps.sweep(settings, tmp_path, workers=workers, report=told.append) == best and len(told) == 2, (
+    assert sweeps.sweep(settings, tmp_path, workers=workers, report=told.append) == best and len(told) == 3, (
         "all is done"
     )
+    assert "had failed before: {'learning_rate': 100000000.0}: ValueError: 'ppo_static (ppo, seed 0) has" in told[2]
 
 
 @pytest.mark.parametrize(
@@ -241,7 +243,56 @@ def test_values_that_no_training_can_have_are_told_and_the_others_are_trained(
         tried = sorted(float(row[key]) for row in csv.DictReader(file))
     assert tried == sorted(value for value in values if value != bad)
     again: list[str] = []
-    assert sweeps.sweep(settings, tmp_path, report=again.append) == best and not again, "all is done"
+    assert sweeps.sweep(settings, tmp_path, report=again.append) == best and len(again) == 1, "all is done"
+    assert "had failed before" in again[0] and said in again[0]
+
+
+@pytest.mark.parametrize("sampler", ["grid", "tpe"])
+def test_values_that_had_failed_are_told_and_tried_again_where_their_folder_is_removed(
+    sampler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the disk was full, or a package was missing: the values were not at fault."""
+    search: dict[str, Any] = {"sampler": "tpe", "trials": 3, "space": {"gamma": {"low": 0.9, "high": 0.99}}}
+    settings = load_sweep(GRID | ({"space": {"gamma": [0.9, 0.95, 0.99]}} if sampler == "grid" else search))
+    tried: list[float] = []
+
+    def fake(trained: Any, out: Path, *, seed: int, **arguments: Any) -> None:
+        tried.append(trained.gamma)
+        if len(tried) in (1, 3, 4):
+            raise ValueError("the machine was out of sorts")
+
+    monkeypatch.setattr(sweeps, "train", fake)
+    monkeypatch.setattr(sweeps, "_value", lambda *_: 0.5)
+    sweeps.sweep(settings, tmp_path)
+    told: list[str] = []
+    sweeps.sweep(settings, tmp_path, report=told.append)
+    assert len(tried) == 3 and len(told) == 1, "nothing is tried again by itself"
+    assert told[0].startswith("trial 0, and 1 more had failed before: {'gamma': ")
+    assert "the machine was out of sorts" in told[0] and f"; remove {tmp_path / 'trial-0'} to" in told[0]
+    for number in (0, 2):
+        shutil.rmtree(tmp_path / f"trial-{number}")
+    told.clear()
+    sweeps.sweep(settings, tmp_path, report=told.append)
+    assert tried[3:] == [tried[0], tried[2]] and [line[:8] for line in told] == ["trial 3:", "trial 4:"]
+    sweeps.sweep(settings, tmp_path, report=told.append)
+    assert len(tried) == 5 and told[2].startswith("trial 3 had failed before"), "what has been tried again is done"
+
+
+def test_a_sweep_that_goes_on_with_other_code_of_the_package_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = load_sweep(GRID)
+    monkeypatch.setattr(sweeps, "_train", lambda *arguments, **named: None)
+    values = iter((0.5, 0.6))
+    monkeypatch.setattr(sweeps, "_value", lambda *_: next(values))
+    monkeypatch.setattr(sweeps, "source_digest", lambda: "one text of the package")
+    with pytest.raises(StopIteration):
+        sweeps.sweep(settings, tmp_path)
+    monkeypatch.setattr(sweeps, "_value", lambda *_: 0.7)
+    monkeypatch.setattr(sweeps, "source_digest", lambda: "another text of it")
+    told: list[str] = []
+    sweeps.sweep(settings, tmp_path, report=told.append)
+    assert told[0].startswith("trials 0, 1: trained by other code of bug_gym") and len(told) == 3
 
 
 def test_a_sweep_is_refused_where_none_of_its_combinations_can_be_trained_with() -> None:
@@ -256,6 +307,37 @@ def test_a_sweep_is_refused_where_none_of_its_combinations_can_be_trained_with()
     endless = {"sampler": "tpe", "trials": 2, "space": {f"{key}_": list(range(9)) for key in SHORT}}
     with pytest.raises(ScenarioError, match="unknown key"):
         load_sweep(GRID | endless)
+
+
+def test_a_study_that_can_no_longer_be_written_is_named_and_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a full disk: SQLite may not lengthen its file."""
+    settings = load_sweep(GRID | {"space": {"gamma": [0.9, 0.99]}})
+    monkeypatch.setattr(sweeps, "_train", lambda *arguments, **named: None)
+
+    def last_of_room(*_: Any) -> float:
+        from sqlalchemy import Engine, event
+
+        def full(connection: Any, cursor: Any, statement: str, *_: Any) -> tuple[str, tuple[()]]:
+            return "no statement at all", ()
+
+        event.listen(Engine, "before_cursor_execute", full, retval=True)
+        monkeypatch.setattr(sweeps, "_value", lambda *_: 0.5)
+        undoing.append(lambda: event.remove(Engine, "before_cursor_execute", full))
+        return 0.5
+
+    undoing: list[Callable[[], None]] = []
+    monkeypatch.setattr(sweeps, "_value", last_of_room)
+    try:
+        with pytest.raises(OSError, match=r"study.db cannot be used: \(sqlite3.OperationalError\)"):
+            sweeps.sweep(settings, tmp_path)
+    finally:
+        for undo in undoing:
+            undo()
+    told: list[str] = []
+    sweeps.sweep(settings, tmp_path, report=told.append)
+    assert [line[:8] for line in told] == ["trial 0:", "trial 1:"]
 
 
 def test_a_sweep_of_which_nothing_can_be_trained_says_why(tmp_path: Path) -> None:
