@@ -9,10 +9,11 @@ declare it unreachable, as Bug1, where neither has to go round the other. Length
 g, with s to the hit, P the perimeter, lambda from the meeting to the nearest point and g from there; up to 2 s + 3 P
 until they know that there is no way.
 
-*Meeting.* Both have followed the wall for a while, in opposite directions, are a hand's breadth apart with no wall
-between, and have a hand on the same wall. They have walked half the perimeter each then, so the shorter way to the
-nearest point is that on which it was found: its finder goes back, the partner behind it. From there the finder goes
-on; where it sees the goal it goes alone (the stop rule of `bug_team`), else the partner follows 2 m behind.
+*Meeting.* Both have followed the wall for a while, in opposite directions, or each waits for the other round a
+corner; they are a hand's breadth apart with no wall between, and have a hand on the same wall. They have walked half
+the perimeter each then, so the shorter way to the nearest point is that on which it was found: its finder goes back,
+the partner behind it. From there the finder goes on; where it sees the goal it goes alone (the stop rule of
+`bug_team`), else the partner follows 2 m behind.
 
 *No way.* What lies between their hit points neither of them has walked: a door may be there. So the two halves prove
 that there is no way only where the robots hit one wall a hand's breadth apart, with no gap between that one fits
@@ -40,7 +41,7 @@ from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugT
 from bug_gym.agents.teams.partners import ROOM, Seen, are_linked, closes, gap, least_gap, now_of, points_told
 from bug_gym.agents.walls.contour import CLOSER, Contour
 from bug_gym.agents.walls.laps import is_parting
-from bug_gym.geometry import Point
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
 from bug_gym.policy import STANDING, Velocity
 from bug_gym.view import Sensors, View
@@ -125,7 +126,7 @@ class Bug1Pair(BugTeam):
             wanted[robot] = self._wanted(robot, seen[robot].view, team, memories, wanted)
         self.share_verdicts(memories, complete=len(memories))
         self.look_for_winner(team, seen, memories)
-        return self.unless_stopped(wanted, memories)
+        return self.off_partners(self.unless_stopped(wanted, memories), memories)
 
     def _wanted(
         self,
@@ -248,10 +249,25 @@ class Bug1Pair(BugTeam):
         here, there = now_of(one), now_of(other)
         turn = first.heading + here.frame.heading - second.heading - there.frame.heading
         walls = math.dist(here.frame.to_team(first.wall), there.frame.to_team(second.wall))
-        if math.cos(turn) >= OPPOSITE or walls > self.meeting_gap + 2.0 * boundary.clearance:
+        do_meet = math.cos(turn) < OPPOSITE or self._face_at_a_corner(one, other)
+        if not do_meet or walls > self.meeting_gap + 2.0 * boundary.clearance:
             return False
         x, y = seen.view.to_robot(*here.frame.to_odometry(there.place))
         return seen.view.free_distance(math.atan2(y, x), SIGHT) >= math.hypot(x, y)
+
+    def _face_at_a_corner(self, one: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether each of two robots that follow a wall waits for the other one, toward which it travels."""
+        return all(
+            memory.mode == "waiting" and not memory.is_detouring and self._travels_toward(memory, partner)
+            for memory, partner in ((one, other), (other, one))
+        )
+
+    def _travels_toward(self, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether the wall that a robot follows leads it nearer to another one."""
+        contour, here, (x, y) = memory.own.contour, now_of(memory), now_of(other).place
+        assert contour is not None and contour.heading is not None
+        cos, sin = velocity_along(contour.heading + here.frame.heading, 1.0)
+        return cos * (x - here.place[0]) + sin * (y - here.place[1]) > 0.0
 
     def _compare(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:
         """Choose the nearer of the nearest points; its finder leads back to it. Without one, look whether there is no way."""

@@ -14,11 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bug_gym.agents.teams.hidden import ROUNDING
 from bug_gym.agents.teams.partners import (
     ROOM,
     Seen,
     SeeThrough,
+    away_from,
+    closes,
     farthest_blocker,
+    gap,
     least_gap,
     look_at_partners,
     way_asked,
@@ -26,9 +30,9 @@ from bug_gym.agents.teams.partners import (
 )
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import TARGET_MOVED, BugMemory
-from bug_gym.geometry import Point
+from bug_gym.geometry import Point, velocity_along
 from bug_gym.kinematics import asked_velocity, steering
-from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity
+from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity, braking_radius
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
 
@@ -114,6 +118,8 @@ class BugTeam(TeamPolicy):
         self.goal_sight = sensors.range + sensors.goal_radius
         """How near a goal is that a scan may show to be free [m]."""
         self._see_through = SeeThrough(sensors, len(agents))
+        self._braking_radius = braking_radius(sensors)
+        self._is_braked = sensors.drive.kinematics == "differential" and not discrete
 
     def draw(self, memory: BugTeamMemory) -> Drawing:
         """What the robot's law shows."""
@@ -187,6 +193,48 @@ class BugTeam(TeamPolicy):
             own.contour.is_disturbed = True
         if not own.glances:  # the law's own glances are never due
             own.glances, own.glance_age = [still()], -math.inf
+
+    # -------------------------------------------------------------------------------- who is braked beside a partner
+
+    def off_partners(self, wanted: Sequence[Velocity], memories: Sequence[BugTeamMemory]) -> list[Velocity]:
+        """The velocities; of robots that would be braked to nothing for the body of a partner such that lead off it.
+
+        Their laws do not see partners. They start so near to one another, none comes so near on its way.
+        """
+        chosen = list(wanted)
+        if not self._is_braked:
+            return chosen
+        near = self._braking_radius + self.sensors.radius + ROUNDING
+        for robot, (memory, wish) in enumerate(zip(memories, wanted, strict=True)):
+            if wish == STANDING or memory.view is None or not memory.is_heard or memory.own.contour is not None:
+                continue
+            if memory.view.nearest()[0] <= self._braking_radius + ROUNDING and self._goes_nowhere(memory.view, wish):
+                chosen[robot] = self._off(robot, wish, chosen, memories, near)
+        return chosen
+
+    def _goes_nowhere(self, view: View, velocity: Velocity) -> bool:
+        """Whether a robot that heads for where it wants to is braked to nothing."""
+        free = view.free_distance(math.atan2(velocity[1], velocity[0]), self._braking_radius)
+        return free <= self._braking_radius - self.sensors.radius
+
+    def _off(
+        self, robot: int, wish: Velocity, chosen: Sequence[Velocity], memories: Sequence[BugTeamMemory], near: float
+    ) -> Velocity:
+        """A velocity straight off the partners that are near, where nothing stands in that way; else what a robot wishes."""
+        memory = memories[robot]
+        others = {k: other for k, other in enumerate(memories) if k != robot and other.word is not None}
+        bearing = away_from(memory, list(others.values()), within=near)
+        if bearing is None:
+            return wish
+        velocity = velocity_along(bearing, self.sensors.drive.max_speed)
+        assert memory.view is not None
+        if self._goes_nowhere(memory.view, velocity):
+            return wish
+        least = least_gap(self.sensors)
+        is_shut = any(
+            closes(memory, velocity, other, chosen[k], gap(memory, other), least) for k, other in others.items()
+        )
+        return wish if is_shut else velocity
 
     # ------------------------------------------------------------------------------------ who cannot stop at once
 

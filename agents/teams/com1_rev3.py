@@ -187,7 +187,7 @@ class Com1Rev3(BugTeam):
             decision.wanted[robot] = self._wanted(robot, seen[robot].view, decision)
         self.share_verdicts(memories, complete=self.leaders)
         self.look_for_winner(team, seen, memories)
-        return self.unless_stopped(decision.wanted, memories)
+        return self.off_partners(self.unless_stopped(decision.wanted, memories), memories)
 
     def last_word(
         self, views: Sequence[View | None], memories: Sequence[Any], actions: list[NDArray[Any]]

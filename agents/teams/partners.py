@@ -19,7 +19,7 @@ from bug_gym.agents.teams.hidden import ROUNDING, look_through_partners
 from bug_gym.geometry import Point, velocity_along, wrap
 from bug_gym.inertia import farthest_way, shown_points, way_to_stand
 from bug_gym.policy import STANDING, Velocity
-from bug_gym.team_policy import TeamMemory, Word, met, peer_slot, word_of
+from bug_gym.team_policy import TOGETHER, TeamMemory, Word, met, peer_slot, word_of
 from bug_gym.view import Sensors, View, ranges_together
 
 BODY_MARGIN = 0.03
@@ -30,6 +30,12 @@ ROOM = 0.1
 
 AS_TOLD = 1e-3
 """A robot that is seen within this of the place [m], and the heading [rad], that it told is where it told."""
+
+TOUCHING = 0.005
+"""Bodies that come nearer to one another than this on their way may touch: their places are rounded [m]."""
+
+CLOSING = 1e-6
+"""By how much a gap lessens that does [m]."""
 
 SAME_WALL = 6.0
 """Two neighbouring points of a scan are of one wall where they are nearer than so many beams are apart there."""
@@ -200,7 +206,8 @@ def closes(
     """Whether a step at velocities of their frames lessens the gap `now` between two robots to below `least` [m].
 
     Of robots that turn: at these velocities, or as they turn toward them. Of robots with inertia: while they drive it, and then
-    brake; where they come so near in any case, whether to stand at once keeps them farther apart.
+    brake; where they come so near in any case, whether to stand at once keeps them farther apart. Or whether their bodies
+    touch on the way, which a gap that is as wide again at its end does not tell.
     """
     assert one.view is not None
     sensors = one.view.sensors
@@ -212,10 +219,27 @@ def closes(
     duration = sensors.drive.step
     if now - duration * (math.hypot(*velocity) + math.hypot(*other_velocity)) > least + ROUNDING:
         return False
-    distance = math.dist(place_after(one, velocity), place_after(other, other_velocity))
+    ends = place_after(one, velocity), place_after(other, other_velocity)
+    distance = math.dist(*ends)
     if sensors.drive.kinematics != "holonomic":
-        distance = min(distance, math.dist(driven_after(one, velocity), driven_after(other, other_velocity)))
-    return distance < least and distance < now - 1e-6
+        ends = driven_after(one, velocity), driven_after(other, other_velocity)
+        distance = min(distance, math.dist(*ends))
+    if distance < least and distance < now - CLOSING:
+        return True
+    on_the_way = distance_to_segment((0.0, 0.0), _from_to(now_of(one).place, now_of(other).place), _from_to(*ends))
+    return on_the_way < 2.0 * sensors.radius + TOUCHING and on_the_way < now - CLOSING
+
+
+def away_from(memory: TeamMemory, others: Sequence[TeamMemory], *, within: float) -> float | None:
+    """The bearing that leads a robot straight off those that are nearer than `within` [m]; None: nobody is, or all about it."""
+    here = now_of(memory)
+    x = y = 0.0
+    for other in others:
+        apart = _from_to(now_of(other).place, here.place)
+        distance = math.hypot(*apart)
+        if TOGETHER < distance <= within:
+            x, y = x + apart[0] / distance, y + apart[1] / distance
+    return wrap(math.atan2(y, x) - here.heading) if math.hypot(x, y) > TOGETHER else None
 
 
 # --------------------------------------------------------------------------------------- robots that cannot stop at once
@@ -278,6 +302,11 @@ def who_goes(
         if not goes[robot] and all(is_clear(robot, other) for other in near[robot]):
             ways[robot], goes[robot] = wished[robot], True
     return goes
+
+
+def _from_to(one: Point, other: Point) -> Point:
+    """Where one place lies as seen from another [m]."""
+    return other[0] - one[0], other[1] - one[1]
 
 
 def distance_to_segment(place: Point, begin: Point, end: Point) -> float:

@@ -22,6 +22,8 @@ class Bounce(Part):
     """Constant velocity, reflected by the border and by still obstacles; a polygon as the disc that holds it.
 
     What would be reflected more than a million times in a step, in a slit, waits for the next one.
+    What begins in a still circle, or over an edge, comes no deeper; inside a still polygon, which it would never leave,
+    nothing may begin.
     """
 
     law: Literal["bounce"]

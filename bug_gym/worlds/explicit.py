@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from bug_gym.schema.errors import wrong
-from bug_gym.schema.motions import Motion
+from bug_gym.schema.motions import Motion, Replay, Waypoints
 from bug_gym.schema.movers import Mover, Target
 from bug_gym.schema.polygons import Polygon
 from bug_gym.schema.robot import Robot
@@ -80,16 +80,35 @@ class ExplicitWorld(Family):
             yield "target.motion", self.target.motion
 
     def check(self, robot: Robot) -> None:
-        """Start, goal and movers lie within the bounds, start and goal clear of all obstacles."""
+        """Start, goal and movers lie within the bounds, start and goal clear of all obstacles, and no mover in a polygon."""
         if (self.goal is None) == (self.target is None):
             raise wrong("expected one of goal and target, got " + ("none" if self.goal is None else "both"), "goal")
         for index, mover in enumerate(self.movers):
             if Family.obstruction(self, ((*mover.at, mover.shape.circle or 0.0),)):
                 raise wrong(f"got {list(mover.at)}, expected a place in {list(self.box)}", f"movers.{index}.at")
             self.check_motion(mover.motion, f"movers.{index}.motion")
+        self._check_walled_in()
         self.check_start(self.start, robot)
         self.check_goal(self.goal)
         self.check_target(self.target)
+
+    def _check_walled_in(self) -> None:
+        """No mover that still obstacles turn back begins inside a polygon: its edges would keep it in there, unseen."""
+        turned_back = [
+            (index, mover.at)
+            for index, mover in enumerate(self.movers)
+            if not isinstance(mover.motion, (Waypoints, Replay))
+        ]
+        if not turned_back or not self.polygons:
+            return
+        import shapely  # slow to load, and most scenarios need none
+
+        for number, polygon in enumerate(self.polygons):
+            outline = polygon.geometry()
+            shapely.prepare(outline)
+            for index, at in turned_back:
+                if outline.contains(shapely.Point(at)):
+                    raise wrong(f"got {list(at)}, expected a place outside of polygons.{number}", f"movers.{index}.at")
 
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         """Every obstacle written down; start and goal may be drawn from regions."""

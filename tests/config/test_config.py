@@ -43,6 +43,7 @@ from bug_gym.config import (
     to_yaml,
 )
 from bug_gym.schema.own import ObservationField, RewardTerm
+from bug_gym.simulation import Simulation
 
 BARN_FILE = "worlds.jsonl"
 MAP_FILE = "plan.yaml"
@@ -284,6 +285,14 @@ def explicit(**changes: Any) -> dict[str, Any]:
 
 def mover(motion: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
     return explicit(movers=[{"shape": {"circle": 0.3}, "at": [0, 3], "motion": motion, **changes}])
+
+
+def walled_in(motion: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
+    """A mover inside a still polygon."""
+    return explicit(
+        polygons=[[[-1, 2], [1, 2], [1, 4], [-1, 4]]],
+        movers=[{"shape": {"circle": 0.3}, "at": [0, 3], "motion": motion, **changes}],
+    )
 
 
 def message(source: Any, overrides: Mapping[str, Any] | None = None) -> str:
@@ -922,6 +931,10 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
         ),
         (mover({"law": "bounce", "speed": 1}, at=[0, 9.8]), "world.movers.0.at", "expected a place in"),
         (mover({"law": "bounce", "speed": 1}, at=[0, 0.4]), "world.start", "in its way: movers.0"),
+        (walled_in({"law": "bounce", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
+        (walled_in({"law": "random_walk", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
+        (walled_in({"law": "crowd", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
+        (walled_in({"law": "evade", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
         ({"robots": {"count": 0}}, "robots.count", "got 0, expected at least 1"),
         (
             {"robots": [{"start": [0, 0, 0]}, {"start": [0.3, 0, 0]}]},
@@ -948,6 +961,19 @@ def test_a_fault_names_its_key_what_came_and_what_is_allowed(source: dict[str, A
     told = message(source)
     assert told.startswith(f"scenario: {key}: ")
     assert allowed in told
+
+
+def test_a_mover_may_begin_in_a_polygon_that_lets_it_out_again() -> None:
+    """Way-points lead through walls; a courtyard is no wall; who lies over an edge goes off it."""
+    load(walled_in({"law": "waypoints", "points": [[0, 6]], "speed": 1.0}))
+    court = {"shell": [[-3, 1], [3, 1], [3, 6], [-3, 6]], "holes": [[[-1, 2], [1, 2], [1, 4], [-1, 4]]]}
+    load({"world": {**walled_in({"law": "bounce", "speed": 1})["world"], "polygons": [court]}})
+    simulation = Simulation(walled_in({"law": "bounce", "velocity": [0.0, -0.5]}, at=[0, 4.1]))
+    simulation.reset(seeds=[0])
+    assert simulation.world.disc_position[0, 0].tolist() == [0.0, 4.1]
+    for _ in range(10):
+        simulation.step([[[0.0, 0.0]]])
+    assert simulation.world.disc_position[0, 0, 1] > 4.3, "it would have gone on into the polygon"
 
 
 def test_a_polygon_that_crosses_itself_is_refused_with_the_place() -> None:

@@ -80,6 +80,21 @@ def test_each_walks_half_the_perimeter_and_the_finder_goes_on_alone() -> None:
     assert left[0] == pytest.approx(one.before + one.depth, abs=0.2) and left[1] == pytest.approx(0.0, abs=0.2)
 
 
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+@pytest.mark.parametrize("bearing", [-2.5, -1.9, 1.0, 1.4, 1.8, 2.2])
+def test_robots_that_meet_at_a_corner_have_met(bearing: float, kinematics: str) -> None:
+    """Their directions of travel lie at a right angle there: each took the other for an obstacle, and the two left together,
+    the hand of each on the other's body."""
+    box = [[[4.0, -1.5], [5.5, -1.5], [5.5, 1.0], [4.0, 1.0]]]
+    beside = (2.0 * math.cos(bearing), 2.0 * math.sin(bearing), 0.0)
+    scenario = team_scenario(box, [(0.0, 0.0, 0.0), beside], (9.0, 0.5), limit=100.0)
+    scenario["robot"]["kinematics"] = kinematics
+    run = run_team("bug1_pair", scenario)
+    assert "success" in run.outcomes and run.least_gap > 0.5
+    perimeter = 8.0 + 2.0 * math.pi * 0.35
+    assert run.lengths.max() < 12.0 + 1.5 * perimeter
+
+
 def test_robots_on_either_side_of_a_thin_wall_do_not_meet_through_it() -> None:
     # Two ways along a wall of 0.2 m, hands on it, in opposite directions: the wall is between them.
     wall = [[[6, -8], [6.2, -8], [6.2, 8], [6, 8]]]

@@ -417,6 +417,32 @@ def test_robots_that_come_near_on_their_way_have_not_started_there(caplog: pytes
     assert not caplog.records
 
 
+@pytest.mark.parametrize("limits", [{}, {"max_acceleration": 1.0}], ids=["at once", "with inertia"])
+@pytest.mark.parametrize("bearing", [0.3, 1.57, -1.57])
+@pytest.mark.parametrize("apart", [0.501, 0.51])
+@pytest.mark.parametrize("name", ["com1_rev3", "bug1_pair"])
+def test_robots_that_start_body_to_body_drive_off(
+    name: str, apart: float, bearing: float, limits: dict[str, float]
+) -> None:
+    """A differential robot brakes for the body beside it, which its law does not see; one of them had a free way."""
+    beside = (apart * math.cos(bearing), apart * math.sin(bearing), 0.0)
+    scenario = team_scenario([], [(0.0, 0.0, 0.0), beside], (9.0, 0.0), limit=30.0)
+    scenario["robot"] |= {"kinematics": "differential", **limits}
+    run = run_team(name, scenario)
+    assert "success" in run.outcomes and run.least_gap > 0.5
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("name", ["com1_rev3", "bug1_pair"])
+def test_robots_that_start_body_to_body_do_not_touch_within_their_first_step(name: str, side: float) -> None:
+    """Half a step brings the one past the other, 1 mm nearer than their bodies are wide; after the whole step they are off."""
+    box = [[[4, -1], [5, -1], [5, 1], [4, 1]]]  # nobody sees the goal, so both set out
+    scenario = team_scenario(box, [(0.0, 0.0, 0.0), (0.045, 0.499 * side, 0.0)], (9.0, 0.0), limit=60.0)
+    scenario["robot"]["kinematics"] = "holonomic"
+    run = run_team(name, scenario)
+    assert "success" in run.outcomes and run.least_gap > 0.5
+
+
 @pytest.mark.parametrize("seed", [1, 4, 5, 6])
 def test_sixteen_robots_that_change_places_do_not_lock_one_another_in(seed: int) -> None:
     """One that goes round others and holds keeps nobody from making room; who is held up beside its way back leaves it; and

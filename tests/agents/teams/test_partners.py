@@ -18,9 +18,12 @@ from bug_gym.agents.teams.partners import (
     SAME_WALL,
     SeeThrough,
     are_linked,
+    closes,
     gap,
     gap_on_ways,
+    least_gap,
     now_of,
+    place_after,
     who_goes,
 )
 from bug_gym.config import load
@@ -235,3 +238,22 @@ def test_robots_whose_odometry_is_right_are_where_they_tell_to_the_last_bit() ->
         actions, state = driver.predict(seen, state)
         assert all(now_of(memory) is memory.word for memory in state)
         seen, *_ = env.step(actions)
+
+
+def test_bodies_that_touch_on_the_way_of_a_step_close_however_wide_the_gap_is_at_its_end() -> None:
+    rng = np.random.default_rng(8)
+    touching = 2.0 * SENSORS.radius
+    spared = 0
+    for _ in range(300):
+        bearing, apart = rng.uniform(-math.pi, math.pi), touching + rng.uniform(0.0, 0.2)
+        places = (0.0, 0.0), (apart * math.cos(bearing), apart * math.sin(bearing))
+        one, other = (robot(place, np.full(BEAMS, FAR), rng) for place in places)
+        (vx, vy), (ux, uy) = rng.uniform(-4.0, 4.0, (2, 2)).tolist()
+        ends = place_after(one, (vx, vy)), place_after(other, (ux, uy))
+        shares = np.linspace(0.0, 1.0, 201)[:, None]
+        between = (1.0 - shares) * np.subtract(*places) + shares * np.subtract(*ends)
+        nearest = float(np.hypot(*between.T).min())
+        if not closes(one, (vx, vy), other, (ux, uy), apart, least_gap(SENSORS)):
+            assert nearest >= min(touching, apart - 1e-4)
+        spared += nearest < touching - 1e-3 and math.dist(*ends) > least_gap(SENSORS)
+    assert spared > 5, "no way was drawn along which bodies touch that lie apart at its end"
