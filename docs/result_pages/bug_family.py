@@ -299,8 +299,7 @@ def cylinder_claims(found: Record) -> Page:
         ],
         f"{runs:,} runs, {claims} wrong claims.{first} Wrong is also a timeout, a collision, and of a complete algorithm any "
         "end that is not as the configuration space says"
-        + (f": {listed(ends)}." if ends else "; there is none.")
-        + MENDED,
+        + (f": {listed(ends)}." + FOUND_LAST if ends else "; there is none." + MENDED),
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),
             ("each run ends, and those of complete algorithms as the configuration space says", not wrong),
@@ -313,6 +312,11 @@ MENDED = (
     "nothing is known to fail here, not how often something would in others."
 )
 """Of pages whose worlds are those that code was mended by."""
+FOUND_LAST = (
+    " What failed in these very worlds before was looked at and mended ([trials](../trials.md)); what is named here came when "
+    "more worlds were driven through, and has not been: of this policy the count says how often it fails in others, too."
+)
+"""The same, of those in which something fails."""
 
 
 def counts_by_kind(of_policies: Iterable[Record]) -> dict[tuple[str, str], list[int]]:
