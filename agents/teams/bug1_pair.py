@@ -15,6 +15,9 @@ the perimeter each then, so the shorter way to the nearest point is that on whic
 the partner behind it. From there the finder goes on; where it sees the goal it goes alone (the stop rule of
 `bug_team`), else the partner follows 2 m behind.
 
+*Niches.* Where the nearest point lies in a niche the finder's next wall leads it back to its partner behind it. That goes
+ahead then, and the finder follows when it is 4 m away: both walk whole laps in one direction, as Bug1.
+
 *No way.* What lies between their hit points neither of them has walked: a door may be there. So the two halves prove
 that there is no way only where the robots hit one wall a hand's breadth apart, with no gap between that one fits
 through. Else both turn round where they meet, and go back and on with the other hand on the wall, until they meet again:
@@ -24,9 +27,6 @@ One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in th
 round it as round an obstacle; a lap on which it did proves nothing, and who would for the third time from one place is
 "looping". Two that have goals of their own drive by Bug1 each
 for itself: nearer than 2 m the second one stands, and the first goes round it.
-
-Found: it calls a goal unreachable that a way leads to in 3 of 3,000 runs among thin cylinders close together, and ends in 2 of
-1,000 without a word where there is no way (docs/results/cylinder-claims.md); why is not known yet.
 """
 
 from __future__ import annotations
@@ -52,8 +52,15 @@ from bug_gym.view import Sensors, View
 BEHIND = 2.0
 """How far behind the first robot the second one leaves an obstacle [m]."""
 
+AHEAD = 4.0
+"""How far one that goes round the same wall before its partner must have come until that follows [m]: where it comes out of a
+niche that is half as deep it meets it."""
+
 OPPOSITE = -0.5
 """Cosine between two directions of travel below which they are opposite."""
+
+RETURNS = ("return_to_closest", "return_along_wall")
+"""Modes of Bug1 on its way back to the nearest point."""
 
 SIGHT = 0.05
 """Radius of the disc that must pass between two robots that meet [m]."""
@@ -151,16 +158,15 @@ class Bug1Pair(BugTeam):
             if robot == 1:
                 return self._hold(memory)
             memory.is_detouring = True
-        if memory.is_behind and memory.own.contour is None:
+        if memory.is_behind and memory.own.mode not in RETURNS:
             memory.waited += self.sensors.drive.step
-            if distance < BEHIND and memory.waited <= 2.0 * PATIENCE:
+            if distance < (BEHIND if memory.own.contour is None else AHEAD) and memory.waited <= 2.0 * PATIENCE:
                 return self._hold(memory)
             memory.is_behind = False  # the finder has gone, or does not get away
+        if distance < BEHIND and self._is_asked_back(memory, other):
+            self._go_ahead(memory, other, view)
         if memory.pending is None:
-            memory.pending = self._law(robot, team, memories).act(view, memory.own)
-            self._forget_detour(memory)
-            if memory.is_detouring and memory.own.contour is not None:
-                memory.own.contour.is_disturbed = True
+            memory.pending = self._decide(robot, view, team, memories)
         if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
             memory.waited += self.sensors.drive.step
@@ -173,6 +179,33 @@ class Bug1Pair(BugTeam):
             return STANDING
         velocity, memory.pending, memory.mode = memory.pending, None, memory.own.mode
         return velocity
+
+    def _decide(self, robot: int, view: View, team: Sequence[int], memories: Sequence[Bug1PairMemory]) -> Velocity:
+        """What its law wants."""
+        memory, other = memories[robot], memories[1 - robot]
+        velocity = self._law(robot, team, memories).act(view, memory.own)
+        self._forget_detour(memory)
+        own = memory.own
+        if own.contour is not None:
+            own.contour.is_disturbed |= memory.is_detouring
+            memory.squeezed |= bool(other.own.verdict) and self._is_at_body(own.contour.wall, memory, other)
+        return velocity
+
+    def _is_at_body(self, wall: Point, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether what a robot has its hand on, a place of its odometry frame [m], is the body of another one."""
+        if other.word is None:
+            return False
+        assert memory.frame is not None
+        return math.dist(memory.frame.to_team(wall), now_of(other).place) <= self.see_through.reach
+
+    def _is_asked_back(self, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether a robot that follows its partner back to the nearest point is in its way: a wall leads that back."""
+        contour = other.own.contour
+        if not memory.is_behind or memory.own.mode != "return_to_closest" or memory.is_detouring:
+            return False
+        if contour is None or other.own.mode != "boundary_following":
+            return False
+        return other.mode == "waiting" if contour.heading is None else self._travels_toward(other, memory)
 
     def _hold(self, memory: Bug1PairMemory) -> Velocity:
         """Stand while the partner is near."""
@@ -234,8 +267,15 @@ class Bug1Pair(BugTeam):
     def _is_one_wall(
         self, hand: Point, other_hand: Point, seen: Mapping[int, Seen], memories: Sequence[Bug1PairMemory]
     ) -> bool:
-        """Whether the wall goes on from one hand to another, as both see it, without a gap that a robot fits through."""
+        """Whether the wall goes on from one hand to another, as both see it, without a gap that a robot fits through.
+
+        The bodies of the two are no wall: who goes round its partner sees it, and may have its hand on it.
+        """
+        bodies, reach = np.array([now_of(memory).place for memory in memories]), self.see_through.reach
+        if np.linalg.norm(np.array([hand, other_hand])[:, None] - bodies, axis=-1).min() <= reach:
+            return False
         points = np.concatenate([points_told(memory, seen[robot].view) for robot, memory in enumerate(memories)])
+        points = points[np.linalg.norm(points[:, None] - bodies, axis=-1).min(axis=-1) > reach]
         aside = 2.0 * self.laws[0].boundary.clearance
         return are_linked(hand, other_hand, points, link=2.0 * self.sensors.radius, aside=aside)
 
@@ -326,10 +366,25 @@ class Bug1Pair(BugTeam):
 
     def _turn_round(self, memory: Bug1PairMemory, view: View, *, vain: bool) -> None:
         """Begin a half of a lap with the other hand on the wall; `vain`: that which ends here was one that proves nothing."""
+        before = memory.own.contour
+        assert before is not None
+        x, y = view.to_robot(*before.wall)
+        self._lay_hand(memory, view, -before.side, math.atan2(y, x), vain=vain)
+
+    def _go_ahead(self, memory: Bug1PairMemory, other: Bug1PairMemory, view: View) -> None:
+        """Go along the wall before its partner, which has it behind itself and comes back: both walk whole laps, as Bug1."""
+        assert other.own.contour is not None
+        self._lay_hand(memory, view, other.own.contour.side, view.nearest()[1])
+        own = memory.own
+        own.mode, own.hit_distance = "boundary_following", min(own.hit_distance, other.own.hit_distance)
+        memory.is_joined = other.is_joined = False
+        memory.is_behind, other.is_behind = False, True
+
+    def _lay_hand(self, memory: Bug1PairMemory, view: View, side: int, bearing: float, *, vain: bool = False) -> None:
+        """Begin a lap, or half of one, with a hand on the wall at a bearing [rad]."""
         own, before = memory.own, memory.own.contour
         assert before is not None and memory.frame is not None
-        x, y = view.to_robot(*before.wall)
-        contour = self.by_side[-before.side].boundary.lay_hand(view, -before.side, math.atan2(y, x))
+        contour = self.by_side[side].boundary.lay_hand(view, side, bearing)
         contour.been, contour.hit_distance = before.been, before.hit_distance
         contour.vain_laps = before.vain_laps + vain
         own.contour = memory.lap = contour

@@ -88,7 +88,7 @@ class BugTeamMemory(TeamMemory):
     detoured: bool = False
     """Whether it has ever."""
     squeezed: bool = False
-    """Whether it has gone through a gap then that its law does not go into."""
+    """Whether it has gone through a gap then that its law does not go into, or had its hand on a partner that has given up."""
     detours: list[Point] = field(default_factory=list)
     """Where it began to, on its way to this goal, odometry frame [m]."""
     detour_goal: Point | None = None
@@ -117,7 +117,7 @@ class BugTeam(TeamPolicy):
         self.step = sensors.step_length
         self.goal_sight = sensors.range + sensors.goal_radius
         """How near a goal is that a scan may show to be free [m]."""
-        self._see_through = SeeThrough(sensors, len(agents))
+        self.see_through = SeeThrough(sensors, len(agents))
         self._braking_radius = braking_radius(sensors)
         self._is_braked = sensors.drive.kinematics == "differential" and not discrete
 
@@ -175,7 +175,7 @@ class BugTeam(TeamPolicy):
                 partners.append(not memory.own.verdict)
         if not heard:
             return {}
-        seen = zip(heard, self._see_through.seen(answering, looks, partners), strict=True)
+        seen = zip(heard, self.see_through.seen(answering, looks, partners), strict=True)
         return {robot: one for robot, one in seen if robot in robots}
 
     def watch(self, robot: int, memory: BugTeamMemory, still: Callable[[], View]) -> None:

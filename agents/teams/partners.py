@@ -64,8 +64,10 @@ class SeeThrough:
 
     def __init__(self, sensors: Sensors, robots: int) -> None:
         beams = len(sensors.angles)
-        reach, widest = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise, SAME_WALL * 2.0 * math.pi / beams
-        self._limits = np.array([sensors.range, reach, widest, sensors.bridged_gap, sensors.is_full_circle])
+        widest = SAME_WALL * 2.0 * math.pi / beams
+        self.reach = sensors.radius + BODY_MARGIN + 3.0 * sensors.range_noise
+        """How near to a robot's place a point is of its body [m]."""
+        self._limits = np.array([sensors.range, self.reach, widest, sensors.bridged_gap, sensors.is_full_circle])
         self._directions = sensors.beam_directions
         most = max(robots, beams) + 1
         self._to_work_in = np.empty((2, most), dtype=np.int64), np.empty((2, most, 4))

@@ -13,8 +13,10 @@ import bug_gym
 from bug_gym.agents import make_policy
 from bug_gym.policy import MisfitError
 from bug_gym.reproductions.com1_rev3 import MEETING, allowed
+from bug_gym.reproductions.cylinder_claims import mission
 from bug_gym.reproductions.team_runs import run_team
 from bug_gym.reproductions.team_worlds import Across, obstacles_across, random_world, team_scenario
+from bug_gym.simulation import Simulation
 
 SIZES = obstacles_across(9)
 GHOSTS: dict[str, dict[str, Any]] = {
@@ -147,6 +149,35 @@ def test_where_a_robot_alone_arrives_a_pair_does_not_say_that_there_is_no_way(se
     overrides = {"robots.count": 2, "mission": "first", "time.limit": 600.0}
     run = run_team("bug1_pair", "cellular_automaton", overrides, seed=seed)
     assert "success" in run.outcomes
+
+
+@pytest.mark.parametrize(
+    ("robot", "seed"), [("holonomic", 1492), ("jackal", 963), ("jackal", 1056), ("jackal", 1087), ("jackal", 1805)]
+)
+def test_a_pair_among_thin_cylinders_ends_as_the_world_says(robot: str, seed: int) -> None:
+    """A nearest point in a niche, with the partner before it (1492, 963, 1087); a gap in which a partner stands, whose body
+    is in sight of one that is about to go round it (1056, 1805)."""
+    answer = mission("bug1_pair", robot, seed)
+    assert (answer.outcome, answer.verdict) == (("success", "") if answer.has_way else ("gave_up", "unreachable"))
+
+
+def test_who_is_shut_in_by_a_partner_that_has_given_up_does_not_say_that_there_is_no_way() -> None:
+    scenario = walls_with_a_door("holonomic", 0.9)
+    scenario["robots"] = [{"start": [0.0, 0.0, 1.5708]}, {"start": [0.0, 2.15, 1.5708]}]
+    scenario["world"] |= {
+        "bounds": [-4, -3, 4, 30],
+        "goal": [0, 29],
+    }  # out of sight: else the second one would be sent there
+    simulation = Simulation(scenario, 1)
+    team: Any = make_policy("bug1_pair", simulation)
+    seen, state = simulation.reset(seeds=[0])[0], None
+    for _ in range(3000):
+        actions, state = team.predict(seen, state)
+        state[1].own.verdict = "looping"
+        if state[0].verdict:
+            break
+        seen = simulation.step(actions[None]).observation[0]
+    assert state is not None and [memory.verdict for memory in state] == ["looping", "looping"]
 
 
 def test_where_the_goal_is_not_seen_yet_the_second_follows_two_metres_behind() -> None:
