@@ -39,6 +39,11 @@ COMMANDS: dict[str, Command] = {
         "bug-gym evaluate --suite quick --policies bug0,bug2:turn=right --out results",
         goes_on=True,
     ),
+    "compare": Command(
+        "bug_gym.commands.compare",
+        "What has changed from one results folder to another, as by an edit: the same policies in the same worlds.",
+        "bug-gym compare results/before results/after",
+    ),
     "collect": Command(
         "bug_gym.commands.collect",
         "Write Minari datasets of what policies do in worlds of a scenario, for learning without the env.",

@@ -26,10 +26,11 @@ from bug_gym.evaluation.report import write_summary
 from bug_gym.evaluation.results_folder import opened
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import PRIVILEGED, compare, default_baseline, summarise
+from bug_gym.evaluation.two_folders import compare_folders, read_rows
 from bug_gym.evaluation.work import drive_missing, known_lengths, missing_worlds, require_sendable
 from bug_gym.workers import Workers, are_several, checked_workers, on_this_machine
 
-__all__ = ["FailedPolicyError", "evaluate", "make_plan", "record_episode"]
+__all__ = ["FailedPolicyError", "compare_folders", "evaluate", "make_plan", "read_rows", "record_episode"]
 
 logger = logging.getLogger("bug_gym")
 

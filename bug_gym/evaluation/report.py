@@ -213,7 +213,7 @@ def difference_tables(
         ["policy", *policies],
         ["pairs", *(str(share.n) for share in shares)],
         *(
-            [one.name, *(_difference(by_key[share.policy, one.field], one, share.n) for share in shares)]
+            [one.name, *(told_difference(by_key[share.policy, one.field], one, share.n) for share in shares)]
             for one in measures
         ),
     ]
@@ -223,7 +223,7 @@ def difference_tables(
     return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
 
 
-def _difference(difference: PairedDifference, measure: _Measure, pairs: int) -> str:
+def told_difference(difference: PairedDifference, measure: _Measure, pairs: int) -> str:
     """Mean and interval, and how many pairs they are of where these are others than the `pairs` of their line."""
     mean, low, high = (
         f"{measure.scale * value:+.{measure.digits}f}" for value in (difference.mean, difference.low, difference.high)
