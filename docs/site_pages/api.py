@@ -28,6 +28,7 @@ MODULES: dict[str, tuple[str, ...]] = {
         "bug_gym.evaluation.entries",
         "bug_gym.evaluation.rows",
         "bug_gym.evaluation.summary",
+        "bug_gym.evaluation.two_folders",
         "bug_gym.evaluation.collection",
         "bug_gym.intervals",
     ),
