@@ -139,26 +139,26 @@ def changes(old: Sequence[EpisodeRow], new: Sequence[EpisodeRow]) -> list[Change
     Raises:
         ValueError: a row stands twice.
     """
+    was, now = _by_pair(old), _by_pair(new)
     found = []
-    for policy in dict.fromkeys(row.policy for row in old):
-        mine = [row for row in old if row.policy == policy]
-        others = [row for row in new if row.policy == policy]
-        scenarios = [
-            change
-            for scenario in dict.fromkeys(row.scenario for row in mine)
-            if (change := _change(policy, scenario, *(_of(scenario, rows) for rows in (mine, others))))
-        ]
-        found += scenarios
-        if len(scenarios) > 1:
-            compared = {one.scenario for one in scenarios}
-            together = [[row for row in rows if row.scenario in compared] for rows in (mine, others)]
+    for policy in dict.fromkeys(policy for policy, _ in was):
+        shared = [pair for pair in was if pair[0] == policy and pair in now]
+        single = [change for pair in shared if (change := _change(*pair, was[pair], now[pair]))]
+        found += single
+        if len(single) > 1:
+            compared = [(policy, one.scenario) for one in single]
+            together = ([row for pair in compared for row in rows[pair]] for rows in (was, now))
             whole = _change(policy, OVERALL, *together)
             found += [whole] if whole else []
     return found
 
 
-def _of(scenario: str, rows: Sequence[EpisodeRow]) -> list[EpisodeRow]:
-    return [row for row in rows if row.scenario == scenario]
+def _by_pair(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str], list[EpisodeRow]]:
+    """Rows by policy and scenario."""
+    pairs: dict[tuple[str, str], list[EpisodeRow]] = {}
+    for row in rows:
+        pairs.setdefault((row.policy, row.scenario), []).append(row)
+    return pairs
 
 
 def _change(policy: str, scenario: str, old: Sequence[EpisodeRow], new: Sequence[EpisodeRow]) -> Change | None:
@@ -202,8 +202,9 @@ def _other_worlds(label: str, before: _Kept, after: _Kept) -> str:
     )
     if was != now:
         return next(differences(was, now))
-    lengths = {(row.seed, row.robot): row.shortest_path_length for row in _of(label, before.rows)}
-    for row in _of(label, after.rows):
+    kept, later = ([row for row in folder.rows if row.scenario == label] for folder in (before, after))
+    lengths = {(row.seed, row.robot): row.shortest_path_length for row in kept}
+    for row in later:
         other = row.shortest_path_length
         length = lengths.get((row.seed, row.robot), other)
         if not (isnan(length) or isnan(other) or isclose(length, other, rel_tol=SAME_LENGTH)):
