@@ -118,10 +118,10 @@ def _naming_storage(out: Path) -> Iterator[None]:
 
 
 def _study(settings: SweepSettings, out: Path) -> optuna.Study:
-    """The study of a folder, or a new one.
+    """The study of a folder, or a new one; a search goes on where more trials are asked for than before.
 
     Raises:
-        ValueError: it is of another sweep, or damaged.
+        ValueError: it is of another sweep, or of one with more trials, or damaged.
     """
     import optuna
     from sqlalchemy.exc import OperationalError, SQLAlchemyError
@@ -142,8 +142,10 @@ def _study(settings: SweepSettings, out: Path) -> optuna.Study:
     study.sampler = optuna.samplers.TPESampler(seed=len(study.trials), constant_liar=True)
     here = settings.model_dump(mode="json")
     was = study.user_attrs.get("settings", here)
+    if was.get("trials") and here["trials"] and was["trials"] > here["trials"]:
+        raise ValueError(f"{out} holds more than is asked: trials was {was['trials']}, is now {here['trials']}")
     for key in here:
-        if was.get(key) != here[key]:
+        if was.get(key) != here[key] and not (key == "trials" and was.get("trials") and here["trials"]):
             raise ValueError(
                 f"{out} is of another sweep: {key} was {shortened(was.get(key))}, is now {shortened(here[key])}"
             )

@@ -98,6 +98,33 @@ def test_a_grid_tries_each_combination_once_and_goes_on(tmp_path: Path, monkeypa
         sweeps.sweep(load_sweep(GRID | {"seeds": 2}), tmp_path)
 
 
+def test_a_search_of_which_more_trials_are_asked_goes_on(tmp_path: Path) -> None:
+    shorter = SHORT | {"n_timesteps": 256, "eval_freq": 256}
+    search = {
+        "training": "ppo_static",
+        "overrides": shorter,
+        "sampler": "tpe",
+        "space": {"gamma": {"low": 0.9, "high": 0.99}},
+    }
+    told: list[str] = []
+    sweeps.sweep(load_sweep(search | {"trials": 2}), tmp_path, report=told.append)
+    first = (tmp_path / "trial-1" / "seed-0" / WEIGHTS).stat().st_mtime_ns
+    best = sweeps.sweep(load_sweep(search | {"trials": 3}), tmp_path, report=told.append)
+    assert [line.partition(":")[0] for line in told] == ["trial 0", "trial 1", "trial 2"] and best.is_dir()
+    assert (tmp_path / "trial-1" / "seed-0" / WEIGHTS).stat().st_mtime_ns == first
+    values = {
+        tuple(trial.params.items()) for trial in optuna.load_study(study_name="sweep", storage=storage(tmp_path)).trials
+    }
+    assert len(values) == 3, "each tries something else"
+    with pytest.raises(ValueError, match="holds more than is asked: trials was 3, is now 2"):
+        sweeps.sweep(load_sweep(search | {"trials": 2}), tmp_path)
+
+
+def storage(out: Path) -> str:
+    """Where Optuna's tools find the study of a sweep."""
+    return f"sqlite:///{out / sweeps.STUDY}"
+
+
 @pytest.mark.parametrize("changed", ["training", "scenario"])
 def test_trials_of_a_training_that_has_changed_since_are_not_gone_on_with(changed: str, tmp_path: Path) -> None:
     def written(name: str, data: dict[str, Any]) -> str:
