@@ -114,9 +114,15 @@ class Planner:
         """The remembered points close the goal off: wait, forget, or say so."""
         memory.closed_off += 1
         memory.mode = "waiting"
-        if memory.closed_off < self.patience or not memory.goal_watch.has_settled:
+        long = STILL_FOR / scene.view.sensors.drive.step
+        if not memory.goal_watch.has_settled:
+            if memory.closed_off > long:  # where things move, what shut it off out of sight may be open by now
+                scene.grid.forget_all()
+                forget_bars(memory)
             return
-        if memory.steps - memory.moved_at > STILL_FOR / scene.view.sensors.drive.step:
+        if memory.closed_off < self.patience:
+            return
+        if memory.steps - memory.moved_at > long:
             if not self._is_shut_by_bars(scene, memory):
                 memory.verdict = "unreachable" if self._is_shut_for_body(scene, memory) else "stuck"
             elif memory.barred_then == scene.grid.removed or memory.bars_lifted == BARS_LIFTED:

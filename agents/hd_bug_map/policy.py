@@ -15,7 +15,8 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
 1. Way. The shortest one among all remembered points, unseen ground taken for free; planned again when it is blocked, soon
    after points were taken away, and every fifty steps. The robot goes straight from node to node.
 2. No way. The goal is unreachable when the remembered points close it off, at the least clearance the body allows, for
-   `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved.
+   `patience` decisions in a row, and nothing moved meanwhile. Else the robot waits, and forgets what may have moved; where
+   the goal itself moves, all after 10 s.
    A cell of the map before which the swept disc was turned back three times counts as blocked: cells are open up to half
    their diagonal too near to a point. Where only such cells close the goal off the verdict is "stuck".
 3. Movers. Each candidate is two velocities, one held for 0.4 s (24 headings, two speeds, to stand, to back out) and another up

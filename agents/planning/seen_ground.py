@@ -131,12 +131,16 @@ class SeenGround:
         if self.points.removed == self._removed or self._forgotten == FORGOTTEN:
             return False
         self._removed, self._forgotten = self.points.removed, self._forgotten + 1
+        self.forget_all()
+        return True
+
+    def forget_all(self) -> None:
+        """Look at all anew: where a goal moves, what shut it off out of sight may be open by now."""
         self.room, *self._rooms = self._all_rooms
         self.points.forget_all()
         self.points.set_clearance(self._clearance)
         self.grid, self._solids = self._grid(), None
         self.go_on()
-        return True
 
     def narrow(self) -> bool:
         """Plan for the next room from now on; False where there is none."""
@@ -277,7 +281,8 @@ def drive_in_seen(planner: MapPlanner, seen: SeenGround, view: View, memory: Pla
     if memory.route is not None:
         return follow_in_seen(planner, seen, view, memory, memory.route)
     seen.wait(step, is_open=is_open)
-    if memory.verdict and not (seen.is_shut and is_final(seen, memory)):
+    is_asked = bool(memory.verdict) or not memory.goal_watch.has_settled
+    if is_asked and not (seen.is_shut and is_final(seen, memory)):
         memory.verdict = ""
     return 0.0, 0.0
 
@@ -312,4 +317,7 @@ def look_nearer(seen: SeenGround, scene: Scene, sensors: Sensors, memory: Planne
 def is_final(seen: SeenGround, memory: PlannerMemory) -> bool:
     """Whether no way leads to a goal that stays, with nothing left of what has gone; else a plan is due in what is seen."""
     memory.pause = 0.0
-    return memory.goal_watch.has_settled and not seen.forget()
+    if memory.goal_watch.has_settled:
+        return not seen.forget()
+    seen.forget_all()
+    return False

@@ -23,6 +23,9 @@ ON_LINE = 0.1
 BESIDE_LINE = 1.0
 """How near to the M-line is beside it, in steps: how far a robot can be off the contour of a wall that it follows."""
 
+IN_VAIN = 10.0
+"""After so long at its end, and not at the target, the M-line is drawn anew [s]."""
+
 
 @dataclass(frozen=True)
 class MLine:
@@ -66,6 +69,8 @@ class MLineMemory(BugMemory):
 
     line: MLine | None = None
     """The M-line."""
+    in_vain: float = 0.0
+    """How long it has been at the end of that without the target [s]."""
 
 
 def go_along(boundary: Boundary, view: View, line: MLine) -> Velocity | None:
@@ -127,12 +132,23 @@ class MLineBug(BoundaryBug):
     fresh_starts = FRESH_STARTS
 
     def m_line(self, view: View, memory: MLineMemory) -> MLine:
-        """The M-line; drawn anew from here when the target has moved away from its end, or walls were gone round in vain."""
+        """The M-line; drawn anew from here when its end is not where the target is, or walls were gone round in vain."""
         goal = view.goal_position
-        if memory.line is None or memory.is_fresh or math.dist(memory.line.goal, goal) > TARGET_MOVED:
+        in_vain = self._is_there_in_vain(view, memory)
+        if memory.line is None or memory.is_fresh or in_vain or math.dist(memory.line.goal, goal) > TARGET_MOVED:
             memory.line, memory.is_fresh = MLine(view.position, goal), False
             self.forget_distances(view, memory)
         return memory.line
+
+    def _is_there_in_vain(self, view: View, memory: MLineMemory) -> bool:
+        """Whether it has been at the end of the M-line for long, and the target is not there.
+
+        Under drift of odometry the target seems to move, and who keeps to the line would stay beside it for ever.
+        """
+        within = view.sensors.goal_radius
+        is_there = memory.line is not None and math.dist(view.position, memory.line.goal) <= within < view.goal_distance
+        memory.in_vain = memory.in_vain + view.sensors.drive.step if is_there and memory.contour is None else 0.0
+        return memory.in_vain > IN_VAIN
 
     @abstractmethod
     def forget_distances(self, view: View, memory: Any) -> None:
