@@ -24,9 +24,10 @@ through. Else both turn round where they meet, and go back and on with the other
 these halves have one beginning, and make a lap.
 
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
-round it as round an obstacle; a lap on which it did proves nothing, and who would for the third time from one place is
-"looping". Two that have goals of their own drive by Bug1 each
-for itself: nearer than 2 m the second one stands, and the first goes round it.
+round it as round an obstacle, until they are 2 m apart or go one way along a wall, where the one behind lets the other ahead. A
+lap on which it did proves nothing, nor does one along a partner that has given up, and who would for the third time from one
+place is "looping". Two that have goals of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and
+the first goes round it.
 """
 
 from __future__ import annotations
@@ -154,6 +155,9 @@ class Bug1Pair(BugTeam):
         stands_there = not other.is_heard and other.word is not None
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.waited, memory.is_detouring = 0.0, False
+        if distance < BEHIND and memory.is_detouring and self._go_one_way(memory, other):
+            memory.is_detouring, memory.waited = False, 0.0
+            memory.is_behind = self._travels_toward(memory, other)
         if memory.has_own_goal and distance < BEHIND:
             if robot == 1:
                 return self._hold(memory)
@@ -290,9 +294,8 @@ class Bug1Pair(BugTeam):
         if min(first.odometer, second.odometer) <= boundary.arming_length or gap(one, other) > self.meeting_gap:
             return False
         here, there = now_of(one), now_of(other)
-        turn = first.heading + here.frame.heading - second.heading - there.frame.heading
         walls = math.dist(here.frame.to_team(first.wall), there.frame.to_team(second.wall))
-        do_meet = math.cos(turn) < OPPOSITE or self._face_at_a_corner(one, other)
+        do_meet = math.cos(_turn(one, other)) < OPPOSITE or self._face_at_a_corner(one, other)
         if not do_meet or walls > self.meeting_gap + 2.0 * boundary.clearance:
             return False
         x, y = seen.view.to_robot(*here.frame.to_odometry(there.place))
@@ -311,6 +314,13 @@ class Bug1Pair(BugTeam):
         assert contour is not None and contour.heading is not None
         cos, sin = velocity_along(contour.heading + here.frame.heading, 1.0)
         return cos * (x - here.place[0]) + sin * (y - here.place[1]) > 0.0
+
+    def _go_one_way(self, one: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether two that follow walls with the same hand go the same way: they have got past one another."""
+        first, second = one.own.contour, other.own.contour
+        if first is None or second is None or first.side != second.side:
+            return False
+        return first.heading is not None and second.heading is not None and math.cos(_turn(one, other)) > -OPPOSITE
 
     def _compare(self, seen: Mapping[int, Seen], one: Bug1PairMemory, other: Bug1PairMemory) -> None:
         """Choose the nearer of the nearest points; its finder leads back to it. Without one, look whether there is no way."""
@@ -390,6 +400,13 @@ class Bug1Pair(BugTeam):
         own.contour = memory.lap = contour
         own.gate, own.trace, own.closest, memory.pending = None, [], None, None
         memory.hand = memory.frame.to_team(contour.wall)
+
+
+def _turn(one: Bug1PairMemory, other: Bug1PairMemory) -> float:
+    """From the direction in which the other one goes along a wall to that in which the first one does [rad]."""
+    first, second = one.own.contour, other.own.contour
+    assert first is not None and first.heading is not None and second is not None and second.heading is not None
+    return first.heading + now_of(one).frame.heading - second.heading - now_of(other).frame.heading
 
 
 def part_from_goal(one: Contour, other: Contour) -> bool:

@@ -161,6 +161,13 @@ def test_a_pair_among_thin_cylinders_ends_as_the_world_says(robot: str, seed: in
     assert (answer.outcome, answer.verdict) == (("success", "") if answer.has_way else ("gave_up", "unreachable"))
 
 
+@pytest.mark.parametrize(("robot", "seed"), [("holonomic", 91), ("jackal", 647)])
+def test_two_that_follow_one_another_round_a_wall_come_to_an_end(robot: str, seed: int) -> None:
+    """Who goes round its partner proves nothing: two that had got past one another did so for ever, one behind the other."""
+    answer = mission("bug1_pair", robot, seed)
+    assert not answer.has_way and answer.outcome == "gave_up"
+
+
 def test_who_is_shut_in_by_a_partner_that_has_given_up_does_not_say_that_there_is_no_way() -> None:
     scenario = walls_with_a_door("holonomic", 0.9)
     scenario["robots"] = [{"start": [0.0, 0.0, 1.5708]}, {"start": [0.0, 2.15, 1.5708]}]
