@@ -24,10 +24,10 @@ through. Else both turn round where they meet, and go back and on with the other
 these halves have one beginning, and make a lap.
 
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
-round it as round an obstacle, until they are 2 m apart or go one way along a wall, where the one behind lets the other ahead. A
-lap on which it did proves nothing, nor does one along a partner that has given up, and who would for the third time from one
-place is "looping". Two that have goals of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and
-the first goes round it.
+round it as round an obstacle, unless that does already, for 20 s more: two that go round one another circle. Where they go one
+way along a wall after 20 s the one behind lets the other ahead. A lap on which a robot went round its partner proves nothing,
+nor does one along a partner that has given up, and who would for the third time from one place is "looping". Two that have goals
+of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and the first goes round it.
 """
 
 from __future__ import annotations
@@ -60,6 +60,9 @@ niche that is half as deep it meets it."""
 OPPOSITE = -0.5
 """Cosine between two directions of travel below which they are opposite."""
 
+LONG_WAY = 20.0
+"""After so long of going round a partner that goes the same way it is time to let the one ahead go on [s]."""
+
 RETURNS = ("return_to_closest", "return_along_wall")
 """Modes of Bug1 on its way back to the nearest point."""
 
@@ -83,6 +86,8 @@ class Bug1PairMemory(BugTeamMemory):
     """The boundary that its law follows."""
     hand: Point | None = None
     """Where its hand lay as that began, team's frame [m]."""
+    detoured_for: float = 0.0
+    """How long it has gone round its partner now [s]."""
     is_joined: bool = False
     """Whether its partner's half of the lap begins where its own does."""
 
@@ -155,7 +160,8 @@ class Bug1Pair(BugTeam):
         stands_there = not other.is_heard and other.word is not None
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.waited, memory.is_detouring = 0.0, False
-        if distance < BEHIND and memory.is_detouring and self._go_one_way(memory, other):
+        memory.detoured_for = memory.detoured_for + self.sensors.drive.step if memory.is_detouring else 0.0
+        if distance < BEHIND and memory.detoured_for > LONG_WAY and self._go_one_way(memory, other):
             memory.is_detouring, memory.waited = False, 0.0
             memory.is_behind = self._travels_toward(memory, other)
         if memory.has_own_goal and distance < BEHIND:
@@ -177,7 +183,7 @@ class Bug1Pair(BugTeam):
             if memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
                 memory.is_detouring, memory.waited = False, 0.0  # there is no way round: it waits again
             elif memory.waited > PATIENCE:
-                if not memory.is_detouring:
+                if not memory.is_detouring and (memory.waited > 3.0 * PATIENCE or not other.is_detouring):
                     self.begin_detour(robot, view, memory)
                 memory.pending = None
             return STANDING
