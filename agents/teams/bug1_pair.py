@@ -26,7 +26,7 @@ these halves have one beginning, and make a lap.
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
 round it as round an obstacle, unless that does already, for 20 s more: two that go round one another circle. Where they go one
 way along a wall after 20 s the one behind lets the other ahead. A lap on which a robot went round its partner proves nothing,
-nor does one along a partner that has given up, and who would for the third time from one place is "looping". Two that have goals
+nor does one along a partner that has given up; who would for the third time from one place is "looping". Two that have goals
 of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and the first goes round it.
 """
 
