@@ -466,14 +466,17 @@ class Simulation:
 
     def status(self, rows: Rows) -> RobotStatus:
         """How the robots of the rows are doing, copies; what asks for both `transition` and `info` reads it once for both."""
-        read = kernels.STATUS + kernels.TERMS
-        numbers = np.empty((read if self._own is None else read + len(self._own.term_names), len(rows), self.robots))
+        read, count = kernels.STATUS + kernels.TERMS, len(rows) * self.robots
+        # An odd number of cache lines apart: with 1,024 rows the numbers of one robot would all lie at one place of a cache.
+        width = (-(-count // 8) | 1) * 8
+        numbers = np.empty((read if self._own is None else read + len(self._own.term_names), width))
         outcome = np.empty((len(rows), self.robots), dtype=np.int64)
         kernels.read_status(self.world.floats, self.world.ints, self.world.spec, rows, numbers[:read], outcome)
+        told = numbers[:, :count].reshape(len(numbers), len(rows), self.robots)
         if self._own is not None:
-            numbers[read:] = self._own.terms(rows).transpose(2, 0, 1)
-        reward, path_length, time, min_clearance, goal_distance = numbers[: kernels.STATUS]
-        terms = numbers[kernels.STATUS :].transpose(1, 2, 0)
+            told[read:] = self._own.terms(rows).transpose(2, 0, 1)
+        reward, path_length, time, min_clearance, goal_distance = told[: kernels.STATUS]
+        terms = told[kernels.STATUS :].transpose(1, 2, 0)
         return RobotStatus(outcome, reward, path_length, time, min_clearance, goal_distance, terms)
 
     def transition(self, rows: Rows, status: RobotStatus | None = None) -> Transition:

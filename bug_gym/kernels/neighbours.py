@@ -20,9 +20,9 @@ from bug_gym.compiling import apart, called, inlined
 from bug_gym.kernels.body import way_of
 from bug_gym.kernels.geometry import length
 from bug_gym.kernels.layout import ACKERMANN, BOUNCE, CROWD, Floats, Integers, Record
-from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, quiet_until
+from bug_gym.kernels.motion import UNPLANNED, body_motion, bring_forward, move_looker, plan_quiet, quiet_until
 from bug_gym.kernels.rays import Discs
-from bug_gym.kernels.vectors import LANES, move_eight
+from bug_gym.kernels.vectors import LANES, append_awake, lanes_until, least_of_eight, move_eight
 from bug_gym.kernels.walls import is_one_ring
 
 FEW = 64  # up to so many all are listed once an episode: to choose among them would cost more than it saves
@@ -102,51 +102,95 @@ def close_in(f: Floats, s: Record) -> float:
 
 
 @apart
-def list_bodies(f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float) -> int:
+def list_bodies(
+    f: Floats, k: Integers, s: Record, first: int, moving: int, total: int, at: int, time: float, columns: Floats
+) -> int:
     """List those of the bodies `first` ... `first + total - 1` that are near, from `at` on; returns how many.
 
-    Discs are listed from 0 on, polygons behind their room. The first `moving` of them move.
+    Discs are listed from 0 on, polygons behind their room. The first `moving` of them move. What is asked of all that are
+    awake is asked in passes without branches: who is near comes in no order that a processor foresees.
     """
     margin: float = f[s.listed_until] - f[s.closing]
     # Among what stands it is soon that one might touch something; where all are listed most are far off.
     stand = k[s.disc_count] > k[s.moving_disc_count] or k[s.polygon_count] > k[s.moving_polygon_count]
     can_wait = k[s.steered_count] == 0 and (margin == math.inf or not stand)
-    count = at
-    for b in range(first, first + total):
-        if f[s.body_wake + b] > f[s.closing]:
-            continue
-        moves, looks = b - first < moving, k[s.body_law + b] >= CROWD
-        waits = can_wait and moves and k[s.body_law + b] == BOUNCE and f[s.body_event + b] == UNPLANNED
-        if waits and time > 0.0:
-            waits = is_quiet(f, k, s, b, time)
-        if moves and not (looks or waits) and time > 0.0:
-            bring_forward(f, k, s, b, time)
+    if can_wait and time == 0.0 and k[s.disc_count] == k[s.moving_disc_count]:
+        plan_quiet(f, k, s, first, moving)
+    awake = find_awake(f, k, s, first, total, at)
+    room, numbers = np.uint64(s.disc_room + s.polygon_room), np.uint64(s.near_number + at)
+    for j in range(np.uint64(awake)):
+        b = first + k[numbers + j]
         x, y = f[s.body_x + b], f[s.body_y + b]
-        if waits:
-            x += f[s.body_vx + b] * time
-            y += f[s.body_vy + b] * time
-        gap = math.inf
-        for r in range(s.robots):
-            gap = min(gap, length(x - f[s.seen + 2 * r], y - f[s.seen + 2 * r + 1]))
-        gap -= f[s.body_radius + b] + f[s.listed_reach] + margin  # minus infinity where all are listed
-        f[s.body_wake + b] = f[s.closing] + max(gap, 0.0)
-        if gap > 0.0:
-            continue
-        k[s.near_number + count] = number = b - first
+        if time > 0.0 and b - first < moving and k[s.body_law + b] < CROWD:
+            waits = can_wait and k[s.body_law + b] == BOUNCE and f[s.body_event + b] == UNPLANNED
+            if waits and is_quiet(f, k, s, b, time):
+                x += f[s.body_vx + b] * time
+                y += f[s.body_vy + b] * time
+            else:
+                bring_forward(f, k, s, b, time)
+                x, y = f[s.body_x + b], f[s.body_y + b]
+        columns[j] = x
+        columns[room + j] = y
+        columns[room + room + j] = f[s.body_radius + b]
+    measure_gaps(f, s, at, awake, margin, columns)
+    count = sort_out(f, k, s, first, at, awake)
+    for j in range(at, at + count):
+        number = k[s.near_number + j]
+        b, moves = first + number, number < moving
         if at > 0:
             begin, walls = k[s.polygon_first + number], k[s.polygon_walls + number]
             is_ring = is_one_ring(k, s, begin, walls)
-            k[s.near_walls + count] = pack_walls(ListedWalls(begin, walls, k[s.polygon_side + number], is_ring, moves))
+            k[s.near_walls + j] = pack_walls(ListedWalls(begin, walls, k[s.polygon_side + number], is_ring, moves))
+        waits = can_wait and moves and k[s.body_law + b] == BOUNCE and f[s.body_event + b] == UNPLANNED
         if waits and is_quiet(f, k, s, b, time):
-            list_waiting(f, s, b, count)
+            list_waiting(f, s, b, j)
         else:
-            if moves and not looks and time == 0.0:
+            if moves and k[s.body_law + b] < CROWD and time == 0.0:
                 bring_forward(f, k, s, b, time)
-            list_body(f, s, b, count, moves)
-        count += 1
-    for j in range(count, at + in_eights(count - at)):
+            list_body(f, s, b, j, moves)
+    for j in range(at + count, at + in_eights(count)):
         write_block(f, s, j, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)
-    return count - at
+    return count
+
+
+@inlined
+def find_awake(f: Floats, k: Integers, s: Record, first: int, total: int, at: int) -> int:
+    """Write the numbers of those that may be near to `near_number`, from `at` on; returns how many."""
+    begin = np.uint64(s.near_number + at)
+    end: np.uint64 = begin
+    for j in range(np.uint64(0), np.uint64(total), np.uint64(LANES)):
+        end = append_awake(k, f, np.uint64(s.body_wake + first), j, f[s.closing], end)
+    while end > begin and k[end - np.uint64(1)] >= total:
+        end -= np.uint64(1)
+    return int(end - begin)
+
+
+@inlined
+def measure_gaps(f: Floats, s: Record, at: int, awake: int, margin: float, columns: Floats) -> None:
+    """Write what is missing until each of the awake bodies must be listed [m] to `near_event`, from `at` on."""
+    room, gaps = np.uint64(s.disc_room + s.polygon_room), np.uint64(s.near_event + at)
+    reach = f[s.listed_reach]
+    for r in range(s.robots):
+        x, y = f[s.seen + 2 * r], f[s.seen + 2 * r + 1]
+        for j in range(np.uint64(awake)):
+            gap = length(columns[j] - x, columns[room + j] - y)
+            f[gaps + j] = gap if r == 0 else min(f[gaps + j], gap)
+    for j in range(np.uint64(awake)):
+        f[gaps + j] -= columns[room + room + j] + reach + margin  # minus infinity where all are listed
+
+
+@inlined
+def sort_out(f: Floats, k: Integers, s: Record, first: int, at: int, awake: int) -> int:
+    """Tell the awake bodies when to wake next, and keep the numbers of the near ones only; returns how many."""
+    numbers, gaps, wakes = np.uint64(s.near_number + at), np.uint64(s.near_event + at), np.uint64(s.body_wake + first)
+    closing = f[s.closing]
+    end: np.uint64 = numbers
+    for j in range(np.uint64(awake)):
+        number, gap = k[numbers + j], f[gaps + j]
+        f[wakes + np.uint64(number)] = closing + max(gap, 0.0)
+        k[end] = number
+        end += np.uint64(not gap > 0.0)
+    return int(end - numbers)
 
 
 @inlined
@@ -199,18 +243,33 @@ def meet_events(f: Floats, k: Integers, s: Record, end: float) -> None:
         at, count, first = 0, k[s.near_discs], 0
         if kind == 1:
             at, count, first = s.disc_room, k[s.near_polygons], s.discs
-        for j in range(at, at + count):
-            if f[s.near_event + j] <= end:
-                b = first + k[s.near_number + j]
-                bring_forward(f, k, s, b, end)
-                list_body(f, s, b, j, True)
+        past = at + count
+        for block in range(at, past, LANES):
+            due = lanes_until(f, np.uint64(s.near_event + block), end)
+            if due == np.uint64(0):
+                continue
+            for j in range(block, min(block + LANES, past)):
+                if f[s.near_event + j] <= end:
+                    b = first + k[s.near_number + j]
+                    bring_forward(f, k, s, b, end)
+                    list_body(f, s, b, j, True)
+        earliest, whole = -1, past - count % LANES
+        for block in range(at, whole, LANES):
+            event = least_of_eight(f, np.uint64(s.near_event + block))
+            if event < next_event:
+                next_event, earliest = event, block
+        for j in range(whole, past):
             if f[s.near_event + j] < next_event:
-                next_event, k[s.next_body] = f[s.near_event + j], first + k[s.near_number + j]
+                next_event, earliest = f[s.near_event + j], j
+        if earliest >= 0:
+            while f[s.near_event + earliest] != next_event:
+                earliest += 1
+            k[s.next_body] = first + k[s.near_number + earliest]
     f[s.next_event] = next_event
 
 
 @apart
-def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> None:
+def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float, columns: Floats) -> None:
     """List the near bodies anew at a time; all are looked at where `reach` is more than what they were listed for."""
     margin = s.margin
     if k[s.steered_count] > 0 or k[s.disc_count] + k[s.polygon_count] <= FEW:
@@ -220,13 +279,15 @@ def list_near(f: Floats, k: Integers, s: Record, time: float, reach: float) -> N
         for b in range(s.discs + s.polygons):
             f[s.body_wake + b] = 0.0
     f[s.listed_until] = f[s.closing] + margin
-    k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time)
-    k[s.near_polygons] = list_bodies(f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time)
+    k[s.near_discs] = list_bodies(f, k, s, 0, k[s.moving_disc_count], k[s.disc_count], 0, time, columns)
+    k[s.near_polygons] = list_bodies(
+        f, k, s, s.discs, k[s.moving_polygon_count], k[s.polygon_count], s.disc_room, time, columns
+    )
     meet_events(f, k, s, time)
 
 
 @called
-def list_from_here(f: Floats, k: Integers, s: Record) -> None:
+def list_from_here(f: Floats, k: Integers, s: Record, columns: Floats) -> None:
     """List the near bodies where the robots are now, whatever was listed before."""
     reach = 0.0
     for r in range(s.robots):
@@ -237,16 +298,16 @@ def list_from_here(f: Floats, k: Integers, s: Record) -> None:
         reach = max(reach, reach_of(f, s, r, 0.0, rate * s.step))
     f[s.closing] = 0.0
     f[s.listed_reach] = 0.0
-    list_near(f, k, s, f[s.time], reach)
+    list_near(f, k, s, f[s.time], reach, columns)
 
 
 @called
-def keep_list(f: Floats, k: Integers, s: Record, end: float) -> None:
+def keep_list(f: Floats, k: Integers, s: Record, end: float, columns: Floats) -> None:
     """Bring the lists to `end`, the robots being about to go to where this step would bring them."""
     if f[s.listed_until] < math.inf:
         reach = close_in(f, s)
         if f[s.closing] > f[s.listed_until] or reach > f[s.listed_reach]:
-            list_near(f, k, s, end, reach)
+            list_near(f, k, s, end, reach, columns)
     if f[s.next_event] <= end:
         meet_events(f, k, s, end)
 

@@ -32,7 +32,16 @@ from bug_gym.kernels.vectors import (
 )
 from bug_gym.kernels.walls import TOUCH, Room
 
-ANGLE_MARGIN = 2e-4  # [rad] more than the errors of arc_tangent (8.2e-5) and half_angle (3.9e-5) together
+# Which beams an obstacle has is estimated in 32 bits, of which processors do twice as many at once as of 64.
+# The margin [rad] is more than the errors of arc_tangent (8.2e-5), half_angle (3.9e-5) and rounding (2e-6) together, and
+# LARGER is more than 1 by more than a sine is rounded.
+ANGLE_MARGIN = 2e-4
+NOUGHT, ONE, LARGER = np.float32(0.0), np.float32(1.0), np.float32(1.0 + 5e-7)
+QUARTER, HALF_TURN, TURN = np.float32(HALF_PI), np.float32(math.pi), np.float32(TWO_PI)
+TANGENT_1, TANGENT_3 = np.float32(0.9992138), np.float32(-0.3211749)
+TANGENT_5, TANGENT_7 = np.float32(0.1462644), np.float32(-0.0389865)
+SINE_0, SINE_1 = np.float32(1.5707584), np.float32(-0.2128756)
+SINE_2, SINE_3 = np.float32(0.0768984), np.float32(-0.0208927)
 OVERLAP = 1e-9  # each wall is longer by this part of its length at both ends, so that no beam slips through a corner
 SLACK = 1e-9  # [m] more than the rounding of a range: what lies farther by this than all ranges shortens none
 CROWDED = 128  # so many discs at hand hide most of one another
@@ -114,27 +123,27 @@ def beam_table(beams: int, first_angle: float, angle_step: float) -> tuple[Float
 
 
 @inlined
-def _arc_tangent(y: float, x: float) -> float:
+def _arc_tangent(y: np.float32, x: np.float32) -> np.float32:
     """Direction of (x, y) [rad], within 8.2e-5."""
     across, up = abs(x), abs(y)
     steep = up > across
     slope = (across if steep else up) / (up if steep else across)
     square = slope * slope
-    angle = slope * (0.9992138 + square * (-0.3211749 + square * (0.1462644 + square * -0.0389865)))
-    angle = HALF_PI - angle if steep else angle
-    angle = math.pi - angle if x < 0.0 else angle
-    return -angle if y < 0.0 else angle
+    angle = slope * (TANGENT_1 + square * (TANGENT_3 + square * (TANGENT_5 + square * TANGENT_7)))
+    angle = QUARTER - angle if steep else angle
+    angle = HALF_TURN - angle if x < NOUGHT else angle
+    return -angle if y < NOUGHT else angle
 
 
 @inlined
-def _half_angle(sine: float) -> float:
+def _half_angle(sine: np.float32) -> np.float32:
     """Arc sine [rad] of a number from 0 to 1, within 3.9e-5."""
-    shape = 1.5707584 + sine * (-0.2128756 + sine * (0.0768984 + sine * -0.0208927))
-    return HALF_PI - math.sqrt(1.0 - sine) * shape
+    shape = SINE_0 + sine * (SINE_1 + sine * (SINE_2 + sine * SINE_3))
+    return QUARTER - np.float32(math.sqrt(ONE - sine)) * shape
 
 
 @inlined
-def _clamp(value: float, low: float, high: float) -> float:
+def _clamp(value: np.float32, low: np.float32, high: np.float32) -> np.float32:
     value = value if value > low else low
     return value if value < high else high
 
@@ -143,9 +152,9 @@ def _clamp(value: float, low: float, high: float) -> float:
 
 
 @inlined
-def _first_beam(number: float, last: float) -> np.int32:
+def _first_beam(number: np.float32, last: np.float32) -> np.int32:
     """The first beam from a real number of a beam on."""
-    return np.int32(_clamp(number, -1.0, last) + 1.0)
+    return np.int32(_clamp(number, -ONE, last) + ONE)
 
 
 @inlined
@@ -156,12 +165,14 @@ def _blocks(first: np.int32, past: np.int32) -> np.int32:
 
 
 @inlined
-def _store_blocks(index: Integers, k: int, low: float, high: float, period: float, last: float) -> None:
+def _store_blocks(
+    index: Integers, k: int, low: np.float32, high: np.float32, period: np.float32, last: np.float32
+) -> None:
     """Beams within [low, high] (real numbers of beams) as first beam and number of blocks of eight, in two pieces.
 
     The second piece is what lies beyond the end of the fan and comes in again at its other side.
     """
-    shift = period if low < 0.0 else -period
+    shift = period if low < NOUGHT else -period
     first, first_2 = _first_beam(low, last), _first_beam(low + shift, last)
     index[k] = first
     index[k + np.uint64(TILE)] = _blocks(first, _first_beam(high, last))
@@ -212,7 +223,8 @@ def _set_limits(f: Floats, beams: Beams, origin: Origin, reach: float, count: np
     for sector in range(np.uint64(SECTORS)):
         f[sectors + sector] = 0.0
     beams_each = SECTOR * beams.per_rad
-    begin = (_arc_tangent(origin.sin, origin.cos) + beams.first_angle + 2.0 * TWO_PI) / SECTOR
+    heading = np.float64(_arc_tangent(np.float32(origin.sin), np.float32(origin.cos)))
+    begin = (heading + beams.first_angle + 2.0 * TWO_PI) / SECTOR
     number, beam = np.uint64(begin), np.uint64(0)
     while beam < count:
         past = (np.float64(number) + 1.0 - begin) * beams_each
@@ -284,7 +296,9 @@ def _merge(f: Floats, padded: np.uint64, inverse: np.uint64) -> None:
 def _prepare_discs(f: Floats, index: Integers, padded: np.uint64, origin: Origin, beams: Beams) -> np.int64:
     """Turns a tile of discs (x, y, radius) into the robot's frame and finds their beams; returns how many hold it."""
     around = np.int64(0)
-    margin = ANGLE_MARGIN * beams.per_rad
+    margin, per_rad = np.float32(ANGLE_MARGIN * beams.per_rad), np.float32(beams.per_rad)
+    first_angle, last = np.float32(beams.first_angle), np.float32(beams.last)
+    period = np.float32(TWO_PI * beams.per_rad)
     for k in range(np.uint64(DISCS), np.uint64(DISCS) + padded):
         dx = f[k]
         dy = f[k + np.uint64(TILE)]
@@ -293,14 +307,14 @@ def _prepare_discs(f: Floats, index: Integers, padded: np.uint64, origin: Origin
         y = dy * origin.cos - dx * origin.sin
         distance2 = dx * dx + dy * dy
         around += np.int64(distance2 <= radius * radius)
-        sine = radius / math.sqrt(distance2)
-        half = _half_angle(sine if sine < 1.0 else 1.0) * beams.per_rad + margin
-        angle = _arc_tangent(y, x) - beams.first_angle
-        middle = (angle + TWO_PI if angle < 0.0 else angle) * beams.per_rad
+        sine = np.float32(radius) / np.float32(math.sqrt(np.float32(distance2))) * LARGER
+        half = _half_angle(sine if sine < ONE else ONE) * per_rad + margin
+        angle = _arc_tangent(np.float32(y), np.float32(x)) - first_angle
+        middle = (angle + TURN if angle < NOUGHT else angle) * per_rad
         f[k] = x
         f[k + np.uint64(TILE)] = y
         f[k + np.uint64(2 * TILE)] = radius * radius
-        _store_blocks(index, k, middle - half, middle + half, TWO_PI * beams.per_rad, beams.last)
+        _store_blocks(index, k, middle - half, middle + half, period, last)
     return around
 
 
@@ -308,7 +322,9 @@ def _prepare_discs(f: Floats, index: Integers, padded: np.uint64, origin: Origin
 def _prepare_walls(f: Floats, index: Integers, padded: np.uint64, origin: Origin, beams: Beams) -> np.int64:
     """Turns a tile of walls into columns for `test_wall` and finds their beams; returns how many the robot touches."""
     touched = np.int64(0)
-    margin = ANGLE_MARGIN * beams.per_rad
+    margin, per_rad = np.float32(ANGLE_MARGIN * beams.per_rad), np.float32(beams.per_rad)
+    first_angle, last = np.float32(beams.first_angle), np.float32(beams.last)
+    period = np.float32(TWO_PI * beams.per_rad)
     for k in range(padded):
         x1 = f[k]
         y1 = f[k + np.uint64(TILE)]
@@ -328,20 +344,19 @@ def _prepare_walls(f: Floats, index: Integers, padded: np.uint64, origin: Origin
         ay = (y2 if clockwise else y1) * origin.cos - (x2 if clockwise else x1) * origin.sin
         bx = (x1 if clockwise else x2) * origin.cos + (y1 if clockwise else y2) * origin.sin
         by = (y1 if clockwise else y2) * origin.cos - (x1 if clockwise else x2) * origin.sin
-        low = _arc_tangent(ay, ax) - beams.first_angle
-        high = _arc_tangent(by, bx) - beams.first_angle
-        low = low + TWO_PI if low < 0.0 else low
-        high = high + TWO_PI if high < 0.0 else high
+        low = _arc_tangent(np.float32(ay), np.float32(ax)) - first_angle
+        high = _arc_tangent(np.float32(by), np.float32(bx)) - first_angle
+        low = low + TURN if low < NOUGHT else low
+        high = high + TURN if high < NOUGHT else high
         # A wall seen edge-on has low and high within the error of the angles: not a whole turn apart.
-        high = high + TWO_PI if high < low - 1.0 else high
+        high = high + TURN if high < low - ONE else high
         cross = ax * by - ay * bx
         scale = 1.0 / (cross if cross > 1e-12 else 1e-12)
         f[k] = ax * scale
         f[k + np.uint64(TILE)] = ay * scale
         f[k + np.uint64(2 * TILE)] = bx * scale
         f[k + np.uint64(3 * TILE)] = by * scale
-        low = low * beams.per_rad - margin
-        _store_blocks(index, k, low, high * beams.per_rad + margin, TWO_PI * beams.per_rad, beams.last)
+        _store_blocks(index, k, low * per_rad - margin, high * per_rad + margin, period, last)
     return touched
 
 

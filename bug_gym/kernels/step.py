@@ -119,7 +119,7 @@ def step_row(
             for i in range(3):
                 f[s.next_pose + 3 * r + i] = f[s.pose + 3 * r + i]
     if f[s.listed_until] < math.inf or f[s.next_event] <= end:
-        keep_list(f, k, s, end)
+        keep_list(f, k, s, end, columns)
     near = near_bodies(f, k, s, columns)
     stops, verdicts = scratch[:robots], scratch_int[:robots]
     settle_robots(f, k, s, footprint, near, stops, verdicts, scratch_int[robots:])
@@ -225,7 +225,7 @@ def begin_robot(f: Floats, k: Integers, s: Record, footprint: Footprint, r: int)
 
 
 @called
-def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None:
+def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint, columns: Floats) -> None:
     """Start the episode of a row whose obstacles, poses and goals have been placed, but for what the robots see.
 
     Bodies that look have begun before (`steer_rows`).
@@ -258,7 +258,7 @@ def begin_world(f: Floats, k: Integers, s: Record, footprint: Footprint) -> None
         f[s.goal_way + 2 * r], f[s.goal_way + 2 * r + 1] = 0.0, 0.0
     for r in range(s.robots):
         begin_robot(f, k, s, footprint, r)
-    list_from_here(f, k, s)
+    list_from_here(f, k, s, columns)
 
 
 @called
@@ -366,9 +366,9 @@ def run_rows(
         if task == STEP:
             step_row(f, k, s, footprint, regions, columns, scratch, scratch_int, actions[i])
         elif task == BEGIN:
-            begin_world(f, k, s, footprint)
+            begin_world(f, k, s, footprint, columns)
         else:
-            list_from_here(f, k, s)
+            list_from_here(f, k, s, columns)
         if task != STEP:
             near_bodies(f, k, s, columns)
         for r in range(s.robots):
@@ -410,16 +410,20 @@ STATUS = 5  # numbers of a robot besides its reward terms: reward, path_length, 
 def read_status(
     floats: Floats, ints: Integers, spec: Record, rows: Integers, numbers: Floats, outcome: Integers
 ) -> None:
-    """Copy how the robots of the worlds `rows` (n,) are doing: `numbers` (STATUS + TERMS, n, R), `outcome` (n, R)."""
+    """Copy how the robots of the worlds `rows` (n,) are doing.
+
+    `numbers` (STATUS + TERMS, at least n R) has those of a row's robots side by side, `outcome` is (n, R).
+    """
     s = spec[0]
     for i in range(rows.size):
         f, k = floats[rows[i]], ints[rows[i]]
         for r in range(s.robots):
+            at = s.robots * i + r
             outcome[i, r] = k[s.outcome + r]
-            numbers[0, i, r] = f[s.reward + r]
-            numbers[1, i, r] = f[s.path_length + r]
-            numbers[2, i, r] = f[s.time]
-            numbers[3, i, r] = f[s.min_clearance + r]
-            numbers[4, i, r] = f[s.goal_distance + r]
+            numbers[0, at] = f[s.reward + r]
+            numbers[1, at] = f[s.path_length + r]
+            numbers[2, at] = f[s.time]
+            numbers[3, at] = f[s.min_clearance + r]
+            numbers[4, at] = f[s.goal_distance + r]
             for term in range(TERMS):
-                numbers[STATUS + term, i, r] = f[s.terms + TERMS * r + term]
+                numbers[STATUS + term, at] = f[s.terms + TERMS * r + term]

@@ -139,6 +139,49 @@ def _append(context: Any, builder: Any, index: Any, lanes: Any, j: Any, end: Any
 
 
 @vectors
+def append_awake(typingctx: Any, index: Any, f: Any, wakes: Any, j: Any, closing: Any, end: Any) -> Any:
+    """Writes those of the bodies j ... j + 7 with f[wakes + j ...] up to `closing` to index[end ...]; returns the new end."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        index, f, wakes, j, closing, end = arguments
+        wake = _load(builder, _data(context, builder, signature.args[1], f), builder.add(wakes, j))
+        lanes = builder.fcmp_ordered("<=", wake, _splat(builder, closing))
+        return _append(context, builder, _data(context, builder, signature.args[0], index), lanes, j, end)
+
+    return types.uint64(index, f, types.uint64, types.uint64, types.float64, types.uint64), codegen
+
+
+@vectors
+def lanes_until(typingctx: Any, f: Any, start: Any, limit: Any) -> Any:
+    """Which of f[start ... start + 7] are no larger than a limit: eight bits, the first one's lowest."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        f, start, limit = arguments
+        values = _load(builder, _data(context, builder, signature.args[0], f), start)
+        lanes = builder.fcmp_ordered("<=", values, _splat(builder, limit))
+        return builder.zext(builder.bitcast(lanes, ir.IntType(8)), ir.IntType(64))
+
+    return types.uint64(f, types.uint64, types.float64), codegen
+
+
+@vectors
+def least_of_eight(typingctx: Any, f: Any, start: Any) -> Any:
+    """The smallest of f[start ... start + 7]."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        f, start = arguments
+        values = _load(builder, _data(context, builder, signature.args[0], f), start)
+        for half in (4, 2, 1):
+            lanes = [
+                ir.Constant(ir.VectorType(ir.IntType(32), half), [*range(first, first + half)]) for first in (0, half)
+            ]
+            values = _smaller(builder, *(builder.shuffle_vector(values, values, chosen) for chosen in lanes))
+        return builder.extract_element(values, ir.Constant(ir.IntType(32), 0))
+
+    return types.float64(f, types.uint64), codegen
+
+
+@vectors
 def append_close(
     typingctx: Any, index: Any, xs: Any, ys: Any, radii: Any, j: Any, x: Any, y: Any, reach: Any, end: Any
 ) -> Any:
