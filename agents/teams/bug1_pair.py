@@ -161,9 +161,8 @@ class Bug1Pair(BugTeam):
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.waited, memory.is_detouring = 0.0, False
         memory.detoured_for = memory.detoured_for + self.sensors.drive.step if memory.is_detouring else 0.0
-        if distance < BEHIND and memory.detoured_for > LONG_WAY and self._go_one_way(memory, other):
-            memory.is_detouring, memory.waited = False, 0.0
-            memory.is_behind = self._travels_toward(memory, other)
+        if distance < BEHIND and memory.detoured_for > LONG_WAY and not memory.has_own_goal:
+            self._stop_circling(robot, memory, other)
         if memory.has_own_goal and distance < BEHIND:
             if robot == 1:
                 return self._hold(memory)
@@ -183,7 +182,7 @@ class Bug1Pair(BugTeam):
             if memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
                 memory.is_detouring, memory.waited = False, 0.0  # there is no way round: it waits again
             elif memory.waited > PATIENCE:
-                if not memory.is_detouring and (memory.waited > 3.0 * PATIENCE or not other.is_detouring):
+                if not memory.is_detouring:
                     self.begin_detour(robot, view, memory)
                 memory.pending = None
             return STANDING
@@ -216,6 +215,13 @@ class Bug1Pair(BugTeam):
         if contour is None or other.own.mode != "boundary_following":
             return False
         return other.mode == "waiting" if contour.heading is None else self._travels_toward(other, memory)
+
+    def _stop_circling(self, robot: int, memory: Bug1PairMemory, other: Bug1PairMemory) -> None:
+        """End a long detour: the one behind stands, the one ahead goes on; of two that circle the second stands."""
+        is_one_way = self._go_one_way(memory, other)
+        stands = self._travels_toward(memory, other) if is_one_way else robot == 1 and other.is_detouring
+        if is_one_way or stands:
+            memory.is_detouring, memory.waited, memory.is_behind = False, 0.0, stands
 
     def _hold(self, memory: Bug1PairMemory) -> Velocity:
         """Stand while the partner is near."""
