@@ -24,10 +24,10 @@ through. Else both turn round where they meet, and go back and on with the other
 these halves have one beginning, and make a lap.
 
 One that has no partner on its obstacle walks a whole lap, as Bug1. Who is in the other's way waits, and after 10 s goes
-round it as round an obstacle, unless that does already, for 20 s more: two that go round one another circle. Where they go one
-way along a wall after 20 s the one behind lets the other ahead. A lap on which a robot went round its partner proves nothing,
-nor does one along a partner that has given up; who would for the third time from one place is "looping". Two that have goals
-of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and the first goes round it.
+round it as round an obstacle. Where they are not 2 m apart 20 s later the one behind stands, for 20 s at most, until the
+other is 4 m ahead, or of two that circle the second one. A lap on which a robot went round its partner proves nothing, nor does
+one along a partner that has given up; who would for the third time from one place, or for the ninth in all, is "looping". Two
+that have goals of their own drive by Bug1 each for itself: nearer than 2 m the second one stands, and the first goes round it.
 """
 
 from __future__ import annotations
@@ -60,8 +60,11 @@ niche that is half as deep it meets it."""
 OPPOSITE = -0.5
 """Cosine between two directions of travel below which they are opposite."""
 
+SOON = 0.2 * PATIENCE
+"""After how long two that wait for one another try something else than to go round one another [s]."""
+
 LONG_WAY = 20.0
-"""After so long of going round a partner that goes the same way it is time to let the one ahead go on [s]."""
+"""After so long of going round a partner that does not get away one of the two stands [s]."""
 
 RETURNS = ("return_to_closest", "return_along_wall")
 """Modes of Bug1 on its way back to the nearest point."""
@@ -112,6 +115,7 @@ class Bug1Pair(BugTeam):
     parameters: Bug1PairParameters
     most_robots = 2
     wants_room = True
+    most_detours = 8
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -159,7 +163,11 @@ class Bug1Pair(BugTeam):
         distance = gap(memory, other) if len(team) == 2 else math.inf
         stands_there = not other.is_heard and other.word is not None
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
-            memory.waited, memory.is_detouring = 0.0, False
+            memory.is_detouring = False
+            if not (
+                memory.is_behind and memory.own.mode == "boundary_following"
+            ):  # it lets the other ahead only for so long
+                memory.waited = 0.0
         memory.detoured_for = memory.detoured_for + self.sensors.drive.step if memory.is_detouring else 0.0
         if distance < BEHIND and memory.detoured_for > LONG_WAY and not memory.has_own_goal:
             self._stop_circling(robot, memory, other)
@@ -178,8 +186,11 @@ class Bug1Pair(BugTeam):
             memory.pending = self._decide(robot, view, team, memories)
         if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
-            memory.waited += self.sensors.drive.step
-            if memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
+            before, memory.waited = memory.waited, memory.waited + self.sensors.drive.step
+            contour = memory.own.contour
+            if contour is not None and before <= SOON < memory.waited and self._is_shut_in_by(memory, other):
+                self._lay_hand(memory, view, -contour.side, view.nearest()[1])
+            elif memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
                 memory.is_detouring, memory.waited = False, 0.0  # there is no way round: it waits again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
@@ -199,6 +210,13 @@ class Bug1Pair(BugTeam):
             own.contour.is_disturbed |= memory.is_detouring
             memory.squeezed |= bool(other.own.verdict) and self._is_at_body(own.contour.wall, memory, other)
         return velocity
+
+    def _is_shut_in_by(self, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
+        """Whether a robot at the beginning of a wall waits for one on its way to the goal, which waits for it."""
+        contour = memory.own.contour
+        if contour is None or contour.odometer > self.step or memory.own.mode != "boundary_following":
+            return False
+        return other.mode == "waiting" and other.own.mode == "motion_to_goal" and not other.has_own_goal
 
     def _is_at_body(self, wall: Point, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
         """Whether what a robot has its hand on, a place of its odometry frame [m], is the body of another one."""
@@ -222,6 +240,7 @@ class Bug1Pair(BugTeam):
         stands = self._travels_toward(memory, other) if is_one_way else robot == 1 and other.is_detouring
         if is_one_way or stands:
             memory.is_detouring, memory.waited, memory.is_behind = False, 0.0, stands
+            other.is_behind = other.is_behind and not stands
 
     def _hold(self, memory: Bug1PairMemory) -> Velocity:
         """Stand while the partner is near."""
@@ -248,7 +267,8 @@ class Bug1Pair(BugTeam):
     def _is_in_the_way(self, memory: Bug1PairMemory, other: Bug1PairMemory, velocity: Velocity) -> bool:
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
-        least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
+        goes_near = memory.is_detouring or (other.is_behind and memory.waited > SOON)
+        least = least_gap(self.sensors) - (0.8 * ROOM if goes_near else 0.0)
         if self.sensors.drive.kinematics != "holonomic" and abs(speed_and_error(velocity)[1]) > TURN_IN_PLACE:
             velocity = STANDING  # it has to turn first
         return closes(memory, memory.pending, other, velocity, gap(memory, other), least)
@@ -302,12 +322,13 @@ class Bug1Pair(BugTeam):
             return False
         if first.side == second.side or first.heading is None or second.heading is None:
             return False
-        boundary = self.laws[0].boundary
-        if min(first.odometer, second.odometer) <= boundary.arming_length or gap(one, other) > self.meeting_gap:
+        boundary, do_face = self.laws[0].boundary, self._face_at_a_corner(one, other)
+        has_parted = min(first.odometer, second.odometer) > boundary.arming_length
+        if not (has_parted or do_face) or gap(one, other) > self.meeting_gap:
             return False
         here, there = now_of(one), now_of(other)
         walls = math.dist(here.frame.to_team(first.wall), there.frame.to_team(second.wall))
-        do_meet = math.cos(_turn(one, other)) < OPPOSITE or self._face_at_a_corner(one, other)
+        do_meet = math.cos(_turn(one, other)) < OPPOSITE or do_face
         if not do_meet or walls > self.meeting_gap + 2.0 * boundary.clearance:
             return False
         x, y = seen.view.to_robot(*here.frame.to_odometry(there.place))

@@ -106,6 +106,8 @@ class BugTeam(TeamPolicy):
 
     laws: Sequence[BoundaryBug]
     """Law of each robot."""
+    most_detours: float = math.inf
+    """How often one may begin to go round its partners on the way to one goal."""
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
@@ -321,6 +323,8 @@ class BugTeam(TeamPolicy):
     def begin_detour(self, robot: int, view: View, memory: BugTeamMemory) -> bool:
         """Have a robot take partners for obstacles; who would at one place for the third time goes in circles behind them.
 
+        So does who would more than `most_detours` times on the way to one goal.
+
         Returns:
             Whether it begins; else it is "looping".
         """
@@ -328,7 +332,8 @@ class BugTeam(TeamPolicy):
             memory.detour_goal, memory.detours = view.goal_position, []
         memory.detours.append(view.position)
         reach = self.laws[robot].boundary.gate_half_width
-        if sum(math.dist(place, view.position) <= reach for place in memory.detours) > AT_ONE_PLACE:
+        again = sum(math.dist(place, view.position) <= reach for place in memory.detours) > AT_ONE_PLACE
+        if again or len(memory.detours) > self.most_detours:
             memory.own.verdict = "looping"
             return False
         memory.is_detouring = memory.detoured = True

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, isclose, isnan
@@ -95,13 +96,15 @@ def compare_folders(old: str | os.PathLike[str], new: str | os.PathLike[str]) ->
     for label in _in_both("scenario", before, after, notes):
         other = _other_worlds(label, before, after)
         if other:
-            notes.append(f"not compared: scenario {label}, whose worlds are others: {other}")
+            notes.append(f"not compared: scenario {label}, {other}")
         else:
             shared.append(label)
     policies = _in_both("policy", before, after, notes)
     kept, now = (
         [row for row in folder.rows if row.scenario in shared and row.policy in policies] for folder in (before, after)
     )
+    notes += _told_lacking(before.path, kept, now)
+    notes += _told_lacking(after.path, now, kept)
     found = changes(kept, now)
     if not found:
         why = "; ".join(notes) or "no policy drove in the same world in both"
@@ -194,14 +197,29 @@ def _in_both(kind: str, before: _Kept, after: _Kept, notes: list[str]) -> list[s
     return [label for label in was if label in now]
 
 
+def _told_lacking(folder: Path, rows: Sequence[EpisodeRow], others: Sequence[EpisodeRow]) -> Iterator[str]:
+    """Worlds of a folder that the other one lacks, as of a run that was cut off; policies that lack as many in one line."""
+    there = {(row.policy, row.scenario, row.seed) for row in others}
+    worlds = dict.fromkeys((row.policy, row.scenario, row.seed) for row in rows)
+    counts = Counter((policy, scenario) for policy, scenario, seed in worlds if (policy, scenario, seed) not in there)
+    policies: dict[tuple[str, int], list[str]] = {}
+    for (policy, scenario), count in counts.items():
+        policies.setdefault((scenario, count), []).append(policy)
+    for (scenario, count), labels in policies.items():
+        told = "1 world" if count == 1 else f"{count} worlds"
+        yield f"not compared: {told} of {', '.join(labels)} in {scenario}, in {folder} alone"
+
+
 def _other_worlds(label: str, before: _Kept, after: _Kept) -> str:
-    """Why a scenario's worlds are not the same in both folders; "" where nothing says so."""
+    """How a scenario or its worlds are others in one folder than in the other; "" where nothing says so."""
     was, now = (
         {key: value for key, value in without_places(folder.manifest)["scenarios"][label].items() if key != "seeds"}
         for folder in (before, after)
     )
     if was != now:
-        return next(differences(was, now))
+        told = next(differences(was, now))
+        defaults = "what it leaves to its defaults has changed, " if told.startswith("digest ") else ""
+        return f"which is another one: {defaults}{told}"
     kept, later = ([row for row in folder.rows if row.scenario == label] for folder in (before, after))
     lengths = {(row.seed, row.robot): row.shortest_path_length for row in kept}
     for row in later:
@@ -209,7 +227,7 @@ def _other_worlds(label: str, before: _Kept, after: _Kept) -> str:
         length = lengths.get((row.seed, row.robot), other)
         if not (isnan(length) or isnan(other) or isclose(length, other, rel_tol=SAME_LENGTH)):
             was_long, is_long = ("none" if one == inf else f"{one:.6g} m" for one in (length, other))
-            return f"the shortest path of seed {row.seed} was {was_long}, is now {is_long}"
+            return f"whose worlds are others: the shortest path of seed {row.seed} was {was_long}, is now {is_long}"
     return ""
 
 
@@ -223,7 +241,7 @@ def _told_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> It
 
 def _read(folder: str | os.PathLike[str]) -> _Kept:
     """What a results folder holds, its torn end left out."""
-    path = Path(folder)
+    path = out_path(folder)
     if not (path / MANIFEST).is_file():
         raise ValueError(
             f"{path} is no results folder: expected {MANIFEST} in it, as `evaluate --out {path}` writes it"
@@ -234,11 +252,15 @@ def _read(folder: str | os.PathLike[str]) -> _Kept:
         raise ValueError(f"{path / MANIFEST} is damaged: {error}") from None
     checked(Manifest, manifest, f"{path / MANIFEST} is damaged")
     file, rows = path / ROWS, []
+    first: dict[tuple[str, str, int, int], int] = {}
     for number, text in enumerate(file.read_bytes().split(b"\n")[:-1] if file.exists() else [], start=1):
         try:
             row = EpisodeRow.from_dict(from_json(text))
             if row.scenario not in manifest["scenarios"]:
                 raise ValueError(f"scenario: got {row.scenario!r}, {MANIFEST} has none of that name")
+            before = first.setdefault((row.policy, row.scenario, row.seed, row.robot), number)
+            if before != number:
+                raise ValueError(f"robot {row.robot} of that world stands in line {before}, too")
         except ValueError as error:
             raise ValueError(f"{file}: line {number}: {'; '.join(str(error).splitlines())}") from None
         rows.append(row)

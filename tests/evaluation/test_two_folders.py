@@ -119,10 +119,26 @@ def test_worlds_that_are_others_are_not_compared(tmp_path: Path) -> None:
     evaluate("bug2", [moved, PAIR], episodes=1, out=tmp_path / "after")
     comparison = compare_folders(tmp_path / "before", tmp_path / "after")
     assert [change.scenario for change in comparison.changes] == ["two"]
-    assert any(note.startswith("not compared: scenario box") and "goal" in note for note in comparison.notes)
+    assert any(
+        note.startswith("not compared: scenario box, which is another one: scenario.world.goal was")
+        for note in comparison.notes
+    )
     evaluate("bug2", moved, episodes=1, out=tmp_path / "moved")
     with pytest.raises(ValueError, match="nothing in common: .*scenario box"):
         compare_folders(tmp_path / "before", tmp_path / "moved")
+
+
+def test_a_scenario_whose_defaults_have_changed_is_another_one(tmp_path: Path) -> None:
+    for name in ("before", "after"):
+        evaluate("bug2", WORLD, episodes=1, out=tmp_path / name)
+    file = tmp_path / "after" / MANIFEST
+    manifest = json.loads(file.read_text())
+    manifest["scenarios"]["box"]["digest"] = "0" * 16
+    file.write_text(json.dumps(manifest))
+    with pytest.raises(
+        ValueError, match="box, which is another one: what it leaves to its defaults has changed, digest"
+    ):
+        compare_folders(tmp_path / "before", tmp_path / "after")
 
 
 def test_worlds_of_another_code_are_told_by_their_shortest_paths(tmp_path: Path) -> None:
@@ -150,6 +166,52 @@ def test_of_a_run_that_was_cut_off_whole_worlds_count(tmp_path: Path) -> None:
     (tmp_path / "out" / MANIFEST).write_text("{}")
     with pytest.raises(ValueError, match=rf"{MANIFEST} is damaged"):
         read_rows(tmp_path / "out")
+
+
+def test_worlds_that_one_folder_lacks_are_told(tmp_path: Path) -> None:
+    two: list[Any] = ["bug2", "go_to_goal"]
+    evaluate(two, [WORLD, PAIR], episodes=4, out=tmp_path / "whole")
+    evaluate(two, [WORLD, PAIR], episodes=4, out=tmp_path / "cut")
+    file = tmp_path / "cut" / ROWS
+    lines = file.read_text().splitlines(keepends=True)
+
+    def left(policy: str, scenario: str, worlds: int) -> None:
+        rows = [EpisodeRow.from_dict(json.loads(line)) for line in lines]
+        gone = [row.policy == policy and row.scenario == scenario and row.seed >= worlds for row in rows]
+        file.write_text("".join(line for line, is_gone in zip(lines, gone, strict=True) if not is_gone))
+
+    left("bug2", "two", 1)
+    for old, new in (("whole", "cut"), ("cut", "whole")):
+        found, notes = compare_folders(tmp_path / old, tmp_path / new)
+        assert notes == [f"not compared: 3 worlds of bug2 in two, in {tmp_path / 'whole'} alone"]
+        assert [change.n for change in found if change.scenario == "two"] == [1, 4]
+    left("bug2", "two", 0)
+    found, notes = compare_folders(tmp_path / "whole", tmp_path / "cut")
+    assert notes == [f"not compared: 4 worlds of bug2 in two, in {tmp_path / 'whole'} alone"]
+    assert [(change.policy, change.scenario) for change in found][0] == ("bug2", "box")
+    # As many of several policies are one line.
+    file.write_text("".join(line for line in lines if json.loads(line)["seed"] < 3))
+    _, notes = compare_folders(tmp_path / "whole", tmp_path / "cut")
+    told = [f"1 world of bug2, go_to_goal in {scenario}, in {tmp_path / 'whole'} alone" for scenario in ("box", "two")]
+    assert notes == [f"not compared: {one}" for one in told]
+
+
+def test_a_row_that_stands_twice_is_told_by_its_line(tmp_path: Path) -> None:
+    evaluate("bug2", WORLD, episodes=3, out=tmp_path / "out")
+    file = tmp_path / "out" / ROWS
+    lines = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join([*lines, lines[1]]))
+    # Its world would have two robots, and all others, which have one, would be taken for cut short.
+    with pytest.raises(ValueError, match=rf"{ROWS}: line 4: robot 0 of that world stands in line 2, too"):
+        read_rows(tmp_path / "out")
+
+
+def test_a_folder_at_home_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    evaluate("bug2", WORLD, episodes=1, out="~/out")
+    assert len(read_rows("~/out")) == 1
+    assert compare_folders("~/out", "~/out").changes[0].same == 1
 
 
 def test_what_is_no_results_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
