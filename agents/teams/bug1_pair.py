@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -59,9 +59,6 @@ niche that is half as deep it meets it."""
 
 OPPOSITE = -0.5
 """Cosine between two directions of travel below which they are opposite."""
-
-SOON = 0.2 * PATIENCE
-"""After how long two that wait for one another try something else than to go round one another [s]."""
 
 LONG_WAY = 20.0
 """After so long of going round a partner that does not get away one of the two stands [s]."""
@@ -186,11 +183,8 @@ class Bug1Pair(BugTeam):
             memory.pending = self._decide(robot, view, team, memories)
         if (distance < math.inf or stands_there) and self._is_in_the_way(memory, other, wanted[1 - robot]):
             memory.mode = "waiting"
-            before, memory.waited = memory.waited, memory.waited + self.sensors.drive.step
-            contour = memory.own.contour
-            if contour is not None and before <= SOON < memory.waited and self._is_shut_in_by(memory, other):
-                self._lay_hand(memory, view, -contour.side, view.nearest()[1])
-            elif memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
+            memory.waited += self.sensors.drive.step
+            if memory.is_detouring and memory.waited > 2.0 * PATIENCE and not memory.has_own_goal:
                 memory.is_detouring, memory.waited = False, 0.0  # there is no way round: it waits again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
@@ -210,13 +204,6 @@ class Bug1Pair(BugTeam):
             own.contour.is_disturbed |= memory.is_detouring
             memory.squeezed |= bool(other.own.verdict) and self._is_at_body(own.contour.wall, memory, other)
         return velocity
-
-    def _is_shut_in_by(self, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
-        """Whether a robot at the beginning of a wall waits for one on its way to the goal, which waits for it."""
-        contour = memory.own.contour
-        if contour is None or contour.odometer > self.step or memory.own.mode != "boundary_following":
-            return False
-        return other.mode == "waiting" and other.own.mode == "motion_to_goal" and not other.has_own_goal
 
     def _is_at_body(self, wall: Point, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
         """Whether what a robot has its hand on, a place of its odometry frame [m], is the body of another one."""
@@ -267,8 +254,7 @@ class Bug1Pair(BugTeam):
     def _is_in_the_way(self, memory: Bug1PairMemory, other: Bug1PairMemory, velocity: Velocity) -> bool:
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
-        goes_near = memory.is_detouring or (other.is_behind and memory.waited > SOON)
-        least = least_gap(self.sensors) - (0.8 * ROOM if goes_near else 0.0)
+        least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
         if self.sensors.drive.kinematics != "holonomic" and abs(speed_and_error(velocity)[1]) > TURN_IN_PLACE:
             velocity = STANDING  # it has to turn first
         return closes(memory, memory.pending, other, velocity, gap(memory, other), least)
@@ -322,13 +308,12 @@ class Bug1Pair(BugTeam):
             return False
         if first.side == second.side or first.heading is None or second.heading is None:
             return False
-        boundary, do_face = self.laws[0].boundary, self._face_at_a_corner(one, other)
-        has_parted = min(first.odometer, second.odometer) > boundary.arming_length
-        if not (has_parted or do_face) or gap(one, other) > self.meeting_gap:
+        boundary = self.laws[0].boundary
+        if min(first.odometer, second.odometer) <= boundary.arming_length or gap(one, other) > self.meeting_gap:
             return False
         here, there = now_of(one), now_of(other)
         walls = math.dist(here.frame.to_team(first.wall), there.frame.to_team(second.wall))
-        do_meet = math.cos(_turn(one, other)) < OPPOSITE or do_face
+        do_meet = math.cos(_turn(one, other)) < OPPOSITE or self._face_at_a_corner(one, other)
         if not do_meet or walls > self.meeting_gap + 2.0 * boundary.clearance:
             return False
         x, y = seen.view.to_robot(*here.frame.to_odometry(there.place))
@@ -370,6 +355,8 @@ class Bug1Pair(BugTeam):
         follower.own.way_back = [
             follower.frame.to_odometry(finder.frame.to_team(place)) for place in finder.own.way_back
         ]
+        place = follower.frame.to_odometry(finder.frame.to_team(closest.place))
+        follower.own.closest = replace(closest, place=place)  # its own may lie elsewhere, or it has none
         for memory in (finder, follower):
             memory.own.mode, memory.pending = "return_to_closest", None
             memory.is_behind = memory is follower

@@ -97,46 +97,6 @@ def test_robots_that_meet_at_a_corner_have_met(bearing: float, kinematics: str) 
     assert run.lengths.max() < 12.0 + 1.5 * perimeter
 
 
-def among_boxes(kinematics: str) -> dict[str, Any]:
-    """Two robots with one goal among obstacles that are less than 2.1 m across."""
-    return {
-        "world": {"family": "field", "solvable": 0.7},
-        "robot": {"kinematics": kinematics},
-        "lidar": {"range": 5.0},
-        "robots": {"count": 2},
-        "mission": "first",
-        "time": {"limit": 180.0},
-    }
-
-
-@pytest.mark.parametrize(
-    ("kinematics", "seed"), [("holonomic", 9), ("holonomic", 18), ("differential", 5), ("holonomic", 23)]
-)
-def test_two_that_come_to_a_small_obstacle_one_after_the_other_do_not_leave_it_together(
-    kinematics: str, seed: int
-) -> None:
-    """One comes round it, hand on the wall, as the other has just met it; and one on its way to the goal stands beside one that
-    has just met a wall, each in the other's way (23)."""
-    run = run_team("bug1_pair", among_boxes(kinematics), seed=seed)
-    assert "success" in run.outcomes and "collision" not in run.outcomes
-    straight = np.linalg.norm(run.paths[0, :, :2] - run.simulation.world.goal[0], axis=-1).max()
-    largest_lap = math.pi * (2.1 + 2.0 * 0.35)
-    assert run.lengths.max() < straight + 2.0 * largest_lap
-    assert all(memory.waited < 10.0 for memory in run.memories)
-
-
-def test_a_finder_goes_on_past_the_partner_beside_it() -> None:
-    """To turn toward the goal brought it 3 mm nearer than a hand's breadth: it stood 10 s, then took the other for a wall."""
-    unsteady = {"lidar.noise": 0.02, "odometry.translation_noise": 0.02, "odometry.rotation_noise": 0.01}
-    slow = {"robot.kinematics": "differential", "robot.latency": 0.1, "robot.max_acceleration": 1.5}
-    run = run_team("bug1_pair", "rectangle_pair", {**unsteady, **slow}, seed=6)
-    assert "success" in run.outcomes and "collision" not in run.outcomes
-    waits = [sum(modes[robot] == "waiting" for modes in run.modes) for robot in range(2)]
-    assert max(waits) < 60, "steps of 0.1 s"
-    # Half the lap and the way to and from it: nobody walks it again.
-    assert run.lengths.max() < 20.0 + 14.0 + 2.0 * 0.5
-
-
 def test_robots_on_either_side_of_a_thin_wall_do_not_meet_through_it() -> None:
     # Two ways along a wall of 0.2 m, hands on it, in opposite directions: the wall is between them.
     wall = [[[6, -8], [6.2, -8], [6.2, 8], [6, 8]]]
