@@ -80,6 +80,9 @@ def test_each_walks_half_the_perimeter_and_the_finder_goes_on_alone() -> None:
     assert winner is not None and run.memories[1 - winner].is_behind
     left = run.memories[winner].own.leaves[-1]
     assert left[0] == pytest.approx(one.before + one.depth, abs=0.2) and left[1] == pytest.approx(0.0, abs=0.2)
+    # So does the partner, also where it has to go on with the hand on the wall.
+    follower = run.memories[1 - winner]
+    assert math.dist(follower.frame.to_team(follower.own.closest.place), run.memories[winner].frame.to_team(left)) < 0.2
 
 
 @pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
