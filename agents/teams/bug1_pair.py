@@ -79,7 +79,7 @@ class Bug1PairMemory(BugTeamMemory):
     pending: Velocity | None = None
     """What its law wants while it waits, robot's frame [m/s]."""
     is_behind: bool = False
-    """Whether it follows its partner back to the nearest point, and from there."""
+    """Whether it follows its partner back to the nearest point and from there, or lets it ahead along a wall."""
     meetings: int = 0
     """How often the two have met behind an obstacle."""
     lap: Contour | None = None
@@ -161,10 +161,8 @@ class Bug1Pair(BugTeam):
         stands_there = not other.is_heard and other.word is not None
         if (gap(memory, other) if stands_there else distance) >= BEHIND:
             memory.is_detouring = False
-            if not (
-                memory.is_behind and memory.own.mode == "boundary_following"
-            ):  # it lets the other ahead only for so long
-                memory.waited = 0.0
+            lets_ahead = memory.is_behind and memory.own.mode == "boundary_following"
+            memory.waited = memory.waited if lets_ahead else 0.0  # it does so for 20 s at most
         memory.detoured_for = memory.detoured_for + self.sensors.drive.step if memory.is_detouring else 0.0
         if distance < BEHIND and memory.detoured_for > LONG_WAY and not memory.has_own_goal:
             self._stop_circling(robot, memory, other)

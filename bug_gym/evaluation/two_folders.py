@@ -264,19 +264,19 @@ def _read(folder: str | os.PathLike[str]) -> _Kept:
         except ValueError as error:
             raise ValueError(f"{file}: line {number}: {'; '.join(str(error).splitlines())}") from None
         rows.append(row)
-    return _Kept(path, manifest, _whole_worlds(rows))
+    return _Kept(path, manifest, _whole_worlds(rows, manifest["scenarios"]))
 
 
-def _whole_worlds(rows: Sequence[EpisodeRow]) -> list[EpisodeRow]:
+def _whole_worlds(rows: Sequence[EpisodeRow], scenarios: Mapping[str, Any]) -> list[EpisodeRow]:
     """Rows of worlds of which all robots are there; a kill may have cut the last one short."""
-    robots: dict[tuple[str, str, int], int] = {}
-    for row in rows:
-        world = row.policy, row.scenario, row.seed
-        robots[world] = robots.get(world, 0) + 1
-    most: dict[str, int] = {}
-    for (_, scenario, _), count in robots.items():
-        most[scenario] = max(most.get(scenario, 0), count)
-    return [row for row in rows if robots[row.policy, row.scenario, row.seed] == most[row.scenario]]
+    counts = Counter((row.policy, row.scenario, row.seed) for row in rows)
+    robots = {label: _robots_of(about["scenario"].get("robots")) for label, about in scenarios.items()}
+    return [row for row in rows if counts[row.policy, row.scenario, row.seed] == robots[row.scenario]]
+
+
+def _robots_of(robots: Any) -> int:
+    """How many robots a scenario has, as a manifest says: each by itself, by their count, or nothing of one alone."""
+    return len(robots) if isinstance(robots, list) else robots.get("count", 1) if isinstance(robots, Mapping) else 1
 
 
 def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> None:

@@ -19,8 +19,14 @@ from bug_gym.evaluation.summary import OVERALL
 from bug_gym.evaluation.two_folders import Change, changes
 
 BOX = [[[2, -1.5], [3, -1.5], [3, 1.5], [2, 1.5]]]
-WORLD = {"name": "box", "world": {"family": "explicit", "bounds": [-2, -4, 7, 4], "start": [0, 0, 0], "goal": [5, 0]}}
-WORLD["world"] |= {"polygons": BOX}  # type: ignore[operator]
+GROUND: dict[str, Any] = {
+    "family": "explicit",
+    "bounds": [-2, -4, 7, 4],
+    "polygons": BOX,
+    "start": [0, 0, 0],
+    "goal": [5, 0],
+}
+WORLD: dict[str, Any] = {"name": "box", "world": GROUND}
 PAIR = {"name": "two", "world": {"family": "empty"}, "robots": [{"start": [0, y, 0], "goal": [3, y]} for y in (0, 2)]}
 
 MINE = """
@@ -115,7 +121,7 @@ def test_a_policy_of_ones_own_before_and_after_an_edit(tmp_path: Path, capsys: p
 
 def test_worlds_that_are_others_are_not_compared(tmp_path: Path) -> None:
     evaluate("bug2", [WORLD, PAIR], episodes=1, out=tmp_path / "before")
-    moved = {**WORLD, "world": {**WORLD["world"], "goal": [5, 1]}}  # type: ignore[dict-item]
+    moved = {**WORLD, "world": {**GROUND, "goal": [5, 1]}}
     evaluate("bug2", [moved, PAIR], episodes=1, out=tmp_path / "after")
     comparison = compare_folders(tmp_path / "before", tmp_path / "after")
     assert [change.scenario for change in comparison.changes] == ["two"]
@@ -159,6 +165,8 @@ def test_of_a_run_that_was_cut_off_whole_worlds_count(tmp_path: Path) -> None:
     assert len(read_rows(tmp_path / "out")) == 6
     file.write_bytes(b"".join(lines[:5]) + lines[5][:20])
     assert len(read_rows(tmp_path / "out")) == 4, "of the last world one robot is missing"
+    file.write_bytes(lines[0])
+    assert read_rows(tmp_path / "out") == [], "of the only one"
     file.write_bytes(b"".join([*lines[:3], b"{}\n", *lines[3:]]))
     with pytest.raises(ValueError, match=rf"{ROWS}: line 4: a row needs the keys"):
         read_rows(tmp_path / "out")

@@ -164,7 +164,7 @@ def test_a_pair_among_thin_cylinders_ends_as_the_world_says(robot: str, seed: in
     assert (answer.outcome, answer.verdict) == (("success", "") if answer.has_way else ("gave_up", "unreachable"))
 
 
-@pytest.mark.parametrize(("robot", "seed"), [("holonomic", 91), ("jackal", 647)])
+@pytest.mark.parametrize(("robot", "seed"), [("holonomic", 91), ("jackal", 19), ("jackal", 647)])
 def test_two_that_follow_one_another_round_a_wall_come_to_an_end(robot: str, seed: int) -> None:
     """Who goes round its partner proves nothing: two that had got past one another did so for ever, one behind the other."""
     answer = mission("bug1_pair", robot, seed)
