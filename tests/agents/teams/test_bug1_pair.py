@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -169,6 +170,19 @@ def test_two_that_follow_one_another_round_a_wall_come_to_an_end(robot: str, see
     """Who goes round its partner proves nothing: two that had got past one another did so for ever, one behind the other."""
     answer = mission("bug1_pair", robot, seed)
     assert not answer.has_way and answer.outcome == "gave_up"
+
+
+def test_who_goes_round_its_partner_for_the_ninth_time_goes_in_circles() -> None:
+    """At places a metre apart, none of which is the same; a new goal is a new way."""
+    team: Any = make_policy("bug1_pair", Simulation(walls_with_a_door("holonomic", 1.0), 1))
+    memory = team.start(2)[0]
+    places = [SimpleNamespace(position=(float(x), 0.0), goal_position=(20.0, 0.0)) for x in range(9)]
+    assert [team.begin_detour(0, view, memory) for view in places] == 8 * [True] + [False]
+    assert memory.own.verdict == "looping"
+    fresh = team.start(2)[0]
+    assert all(team.begin_detour(0, view, fresh) for view in places[:8])
+    elsewhere: Any = SimpleNamespace(position=(8.0, 0.0), goal_position=(20.0, 5.0))
+    assert team.begin_detour(0, elsewhere, fresh) and fresh.own.verdict == ""
 
 
 def test_who_is_shut_in_by_a_partner_that_has_given_up_does_not_say_that_there_is_no_way() -> None:
