@@ -8,6 +8,9 @@ SOAK_MINUTES ?= 60
 BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt
 
+# Packages are installed without, and compiled as they are imported: once, where the environment would have each process do it.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help run test kernels lint docs soak clean
 
 help:  ## list the targets

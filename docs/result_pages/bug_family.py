@@ -285,6 +285,9 @@ def cylinder_claims(found: Record) -> Page:
     ends = [
         f"`{one['policy']}` ({one['kind']}, seed {one['seed']}: {one['verdict'] or one['outcome']})" for one in wrong
     ]
+    columns = ("reached", "unreachable", "looping", "stuck")
+    apart = runs - len(wrong) - sum(one[column] for one in policies.values() for column in columns)
+    differ = f" In {apart} runs robots of a team gave up for different reasons; these stand in no column." if apart else ""
     clearances = listed(f"{value:g} m ({robot})" for robot, value in found["clearances"].items())
     driven = {key.split()[0]: one["with a way"] + one["without"] for key, one in policies.items()}
     fewer = [f"`{name}`" for name, worlds in driven.items() if worlds < found["seeds"]]
@@ -297,7 +300,7 @@ def cylinder_claims(found: Record) -> Page:
                 rows,
             )
         ],
-        f"{runs:,} runs, {claims} wrong claims.{first} Wrong is also a timeout, a collision, and of a complete algorithm any "
+        f"{runs:,} runs, {claims} wrong claims.{first}{differ} Wrong is also a timeout, a collision, and of a complete algorithm any "
         "end that is not as the configuration space says"
         + (f": {listed(ends)}." + FOUND_LAST if ends else "; there is none." + MENDED),
         [
