@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from bug_gym.evaluation.summary import OVERALL, PRIVILEGED, Summary
+from bug_gym.evaluation.text_table import NOTHING, TextTable
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-_NOTHING = "–"
-"""Stands where a policy did not drive."""
 _FRAME = 4
 """Lines of a screen that the matrix leaves: its title, a blank line, and the shell's own."""
 
@@ -85,6 +84,17 @@ def print_matrix(summaries: Sequence[Summary], console: Console) -> None:
     screen.print(tables[0] if len(tables) == 1 else Columns(tables, padding=(0, 1)))
 
 
+def as_text(whole: Matrix) -> TextTable:
+    """The matrix as a table; the intervals are those over all scenarios."""
+    is_single = len(whole.scenarios) == 1
+    header = ["policy", *whole.scenarios] if is_single else ["policy", "all scenarios", *whole.scenarios]
+    lines = []
+    for line in whole.lines:
+        first, rest = (line.cells[0], ()) if is_single else (line.overall, line.cells)
+        lines.append([line.policy, told_interval(first), *map(told_share, rest)])
+    return TextTable(_title(whole), header, lines)
+
+
 def _title(whole: Matrix) -> str:
     counts = {cell.n for line in whole.lines for cell in line.cells if cell is not None}
     least, most = min(counts), max(counts)
@@ -114,28 +124,27 @@ def _table(whole: Matrix, lines: Sequence[Line]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    is_single = len(whole.scenarios) == 1
+    _, (policy, first, *scenarios), cells = as_text(whole._replace(lines=tuple(lines)))
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    table.add_column("policy", no_wrap=True)
+    table.add_column(policy, no_wrap=True)
     # Text, not str: a name in square brackets is a name, not rich's markup.
-    table.add_column(Text(whole.scenarios[0] if is_single else "all scenarios"), justify="right", no_wrap=True)
-    for scenario in () if is_single else whole.scenarios:
+    table.add_column(Text(first), justify="right", no_wrap=True)
+    for scenario in scenarios:
         table.add_column(Text(_broken(scenario)), justify="right", no_wrap=True)
-    for line in lines:
-        first, rest = (line.cells[0], ()) if is_single else (line.overall, line.cells)
-        table.add_row(*(Text(text) for text in (line.policy, told_interval(first), *(told_share(one) for one in rest))))
+    for line in cells:
+        table.add_row(*map(Text, line))
     return table
 
 
 def told_share(summary: Summary | None) -> str:
     """The share of successes in percent, without its unit."""
-    return _NOTHING if summary is None else percent(summary.success, summary.n)
+    return NOTHING if summary is None else percent(summary.success, summary.n)
 
 
 def told_interval(summary: Summary | None) -> str:
     """The share of successes in percent with its Wilson interval, without their unit."""
     if summary is None:
-        return _NOTHING
+        return NOTHING
     low, high = (percent(bound, summary.n) for bound in (summary.success_low, summary.success_high))
     return f"{told_share(summary)} [{low}, {high}]"
 

@@ -1,8 +1,8 @@
 """Tables for people and files for programs from the summaries of an evaluation.
 
-On screen and in Markdown: one table a scenario, one over all scenarios where there are several, and one of the paired
-differences between policies. On disk: summary.json, summary.csv, differences.csv and summary.md, each replaced as a
-whole, so that a reader never meets half a file.
+On screen, in Markdown and in LaTeX: one table a scenario, one over all scenarios where there are several, and one of the
+paired differences between policies. On disk: summary.json, summary.csv, differences.csv, summary.md and, for a paper,
+summary.tex, each replaced as a whole, so that a reader never meets half a file.
 """
 
 import csv
@@ -16,10 +16,12 @@ from math import isnan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bug_gym.evaluation.by_name import HEADER, RENDER_ONE
-from bug_gym.evaluation.matrix import percent, told_interval
+from bug_gym.evaluation.latex import latex_table
+from bug_gym.evaluation.matrix import as_text, matrix, percent, told_interval
 from bug_gym.evaluation.rows import EpisodeRow, json_fields
 from bug_gym.evaluation.summary import OVERALL, PairedDifference, Summary
 from bug_gym.evaluation.teams import TeamRow, team_differences, team_rows, team_tables
+from bug_gym.evaluation.text_table import NOTHING, TextTable
 from bug_gym.files import out_path, replaced_when_done
 
 if TYPE_CHECKING:
@@ -31,8 +33,11 @@ FEWER_PAIRS = (
 )
 """What a reader of the table of differences has to know."""
 
-NOTHING = "–"
-"""Stands where nothing was measured."""
+INTERVALS = (
+    "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
+    "over pairs with a bootstrap interval; p is of the exact McNemar test on success. " + FEWER_PAIRS
+)
+"""What a reader of all tables has to know."""
 
 _COUNT = "n"
 """Name of the column with the number of episodes."""
@@ -159,17 +164,19 @@ def write_summary(
     differences: Sequence[PairedDifference] = (),
     named: Sequence[tuple[str, str]] | None = None,
 ) -> None:
-    """Write summary.json (with the rows behind it), summary.csv, differences.csv and summary.md into a folder.
+    """Write summary.json (with the rows behind it), summary.csv, differences.csv, summary.md and .tex into a folder.
 
     The folder is made where it is missing. The JSON is strict: NaN is null, infinity the string "inf"; the CSV leaves a
     cell empty for NaN. Where robots share a world, teams.csv has a row an episode of all of them. Of names that commands take
     (`by_name.differing_names`) summary.md says how an episode is replayed.
     """
+    tables = all_tables(summaries, differences, rows)
     contents = {
         "summary.json": _json(rows, summaries, differences),
         "summary.csv": _csv(Summary, [_flat(summary) for summary in summaries]),
         "differences.csv": _csv(PairedDifference, [difference.as_dict() for difference in differences]),
-        "summary.md": _markdown(summaries, differences, rows, named),
+        "summary.md": _markdown(tables, named),
+        "summary.tex": _latex([as_text(matrix(summaries)), *tables]),
     }
     if teams := team_rows(rows):
         contents["teams.csv"] = _csv(TeamRow, [json_fields(row) for row in teams])
@@ -180,10 +187,8 @@ def write_summary(
             partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def summary_tables(
-    summaries: Sequence[Summary], columns: Sequence[_Column] = COLUMNS
-) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Title, header and lines of each table; a column in which nothing was measured is left out."""
+def summary_tables(summaries: Sequence[Summary], columns: Sequence[_Column] = COLUMNS) -> list[TextTable]:
+    """A table a scenario, and one of all; a column in which nothing was measured is left out."""
     if not summaries:
         raise ValueError("no summaries to report")
     by_scenario: dict[str, list[Summary]] = {}
@@ -194,16 +199,12 @@ def summary_tables(
     tables = []
     for scenario, members in by_scenario.items():
         filled = [[column.name, *(column.cell(member) for member in members)] for column in columns]
-        measured = [texts for texts in filled if any(text != NOTHING for text in texts[1:])]
-        header, *lines = (list(line) for line in zip(*measured, strict=True))
-        tables.append(("all scenarios" if scenario == OVERALL else scenario, header, lines))
+        tables.append(TextTable.of_columns("all scenarios" if scenario == OVERALL else scenario, filled))
     return tables
 
 
-def difference_tables(
-    differences: Sequence[PairedDifference], measures: Sequence[_Measure]
-) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Title, header and lines of the table of differences, one or none; a column without a value is left out."""
+def difference_tables(differences: Sequence[PairedDifference], measures: Sequence[_Measure]) -> list[TextTable]:
+    """The table of differences, one or none; a column without a value is left out."""
     policies = list(dict.fromkeys(difference.policy for difference in differences))
     if not policies:
         return []
@@ -218,9 +219,7 @@ def difference_tables(
         ),
     ]
     filled.insert(3, ["p", *(f"{share.p_value:.2g}" for share in shares)])
-    measured = [texts for texts in filled if any(text != NOTHING for text in texts[1:])]
-    header, *lines = (list(line) for line in zip(*measured, strict=True))
-    return [(f"difference to {differences[0].baseline} in the same worlds", header, lines)]
+    return [TextTable.of_columns(f"difference to {differences[0].baseline} in the same worlds", filled)]
 
 
 def told_difference(difference: PairedDifference, measure: _Measure, pairs: int) -> str:
@@ -258,21 +257,23 @@ def _csv(kind: type[Summary] | type[PairedDifference] | type[TeamRow], records: 
     return text.getvalue()
 
 
-def _markdown(
-    summaries: Sequence[Summary],
-    differences: Sequence[PairedDifference],
-    rows: Sequence[EpisodeRow],
-    named: Sequence[tuple[str, str]] | None,
-) -> str:
-    parts = [
-        "# Summary",
-        "Success with its 95 % Wilson interval, SPL's interquartile mean with a bootstrap interval. Differences are means "
-        "over pairs with a bootstrap interval; p is of the exact McNemar test on success. " + FEWER_PAIRS,
-    ]
-    tables = [*summary_tables(summaries), *difference_tables(differences, MEASURES)]
+def all_tables(
+    summaries: Sequence[Summary], differences: Sequence[PairedDifference], rows: Sequence[EpisodeRow]
+) -> list[TextTable]:
+    """All tables of a summary, of teams too where robots share a world."""
     baseline = differences[0].baseline if differences else rows[0].policy if rows else ""
-    teams = [*team_tables(rows), *team_differences(rows, baseline)]
-    for title, header, lines in [*tables, *teams]:
+    tables = [*summary_tables(summaries), *difference_tables(differences, MEASURES)]
+    return [*tables, *team_tables(rows), *team_differences(rows, baseline)]
+
+
+def _latex(tables: Sequence[TextTable]) -> str:
+    parts = [r"% Tables of an evaluation with bug_gym, for documents with \usepackage{booktabs}.", f"% {INTERVALS}"]
+    return "\n\n".join([*parts, *map(latex_table, tables)]) + "\n"
+
+
+def _markdown(tables: Sequence[TextTable], named: Sequence[tuple[str, str]] | None) -> str:
+    parts = ["# Summary", INTERVALS]
+    for title, header, lines in tables:
         parts += [f"## {_escape(title)}", _markdown_table(header, lines, ["--:"] * (len(header) - 1))]
     if named is not None:
         parts += ["## replays", f"Any episode of a policy and a scenario with a name is replayed by `{RENDER_ONE}`."]

@@ -8,19 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from bug_gym.evaluation.missions import Mission, missions
 from bug_gym.evaluation.rows import EpisodeRow
+from bug_gym.evaluation.text_table import NOTHING, TextTable
 from bug_gym.intervals import means, stratified_bootstrap, wilson_interval
 
 DEADLOCK = 10.0
 """Robots that have not moved for so long when the time was up had stopped for good [s]."""
-
-NOTHING = "–"
-"""Stands where nothing was measured."""
 
 
 @dataclass(frozen=True)
@@ -93,14 +90,6 @@ def _team_row(mission: Mission) -> TeamRow:
     )
 
 
-class TextTable(NamedTuple):
-    """A table for people."""
-
-    title: str
-    header: list[str]
-    lines: list[list[str]]
-
-
 MISSIONS = {"first": "the first that arrives ends the mission", "all": "all are to arrive"}
 """What the missions of `EpisodeRow.mission` are, for the title of a table."""
 
@@ -132,15 +121,8 @@ def team_tables(rows: Sequence[EpisodeRow]) -> list[TextTable]:
         one = next(iter(policies.values()))[0]
         filled = [[name, *(cell(mine) for mine in policies.values())] for name, cell in COLUMNS.items()]
         title = f"{scenario}: {one.robots} robots, {MISSIONS[one.mission]}"
-        tables.append(_table(title, filled))
+        tables.append(TextTable.of_columns(title, filled))
     return tables
-
-
-def _table(title: str, columns: Sequence[Sequence[str]]) -> TextTable:
-    """A table of those columns, each with its header, in which something stands."""
-    measured = [cells for cells in columns if any(cell != NOTHING for cell in cells[1:])]
-    header, *lines = (list(line) for line in zip(*measured, strict=True))
-    return TextTable(title, header, lines)
 
 
 COMPARED = {
@@ -175,7 +157,7 @@ def team_differences(
     if not lines:
         return []
     columns = list(zip(["policy", "worlds", *COMPARED], *lines, strict=True))
-    return [_table(f"teams' difference to {baseline} in the same worlds", columns)]
+    return [TextTable.of_columns(f"teams' difference to {baseline} in the same worlds", columns)]
 
 
 def _difference(pairs: Sequence[tuple[TeamRow, TeamRow]], field: str, *, resamples: int, seed: int) -> str:

@@ -29,7 +29,7 @@ ROWS = [
     replace(BLANK, policy="[red]pipe|d[/red]", seed=1, outcome="collision", success=False, spl=0.0),
     replace(BLANK, policy="[red]pipe|d[/red]", seed=2, outcome="gave_up", success=False, spl=0.0, verdict="stuck"),
 ]
-FILES = {"summary.json", "summary.csv", "differences.csv", "summary.md"}
+FILES = {"summary.json", "summary.csv", "differences.csv", "summary.md", "summary.tex"}
 
 
 def printed(summaries: list[Summary], width: int = 240) -> str:

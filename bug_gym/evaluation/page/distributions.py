@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, table
-from bug_gym.evaluation.report import NOTHING
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import path_ratio
+from bug_gym.evaluation.text_table import NOTHING
 
 BINS = 24
 """Bars of a histogram."""

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from bug_gym.evaluation.matrix import Matrix, told_interval
 from bug_gym.evaluation.page.failures import mark
 from bug_gym.evaluation.page.markup import Cell, Markup, element, joined, table, text_table
-from bug_gym.evaluation.report import MEASURES, NOTHING, difference_tables, summary_tables
+from bug_gym.evaluation.report import MEASURES, difference_tables, summary_tables
 from bug_gym.evaluation.summary import PairedDifference, Summary
+from bug_gym.evaluation.text_table import NOTHING
 
 ALL = "all scenarios"
 """The column of the matrix over all scenarios."""
