@@ -19,6 +19,7 @@ from bug_gym.evaluation.replays import chosen
 from bug_gym.evaluation.rows import AMONG_ROBOTS, EpisodeRow
 from bug_gym.evaluation.summary import paired_difference, summarise
 from bug_gym.evaluation.teams import team_differences, team_rows, team_tables
+from bug_gym.evaluation.text_table import TextTable
 from bug_gym.intervals import wilson_interval
 from bug_gym.reproductions.team_runs import run_team
 from bug_gym.reproductions.team_worlds import random_world, team_scenario
@@ -186,6 +187,60 @@ def test_differences_are_paired_by_world_and_count_where_both_arrive() -> None:
     assert [float(told[name].split()[0]) for name in ("missions [%]", "first [s]", "together [m]")] == [25.0, 2.0, 2.0]
     # What says something of failures, too, is compared in all worlds.
     assert [float(told[name].split()[0]) for name in ("holds", "gap [m]")] == [0.5, -0.05]
+
+
+def told_of(table: TextTable, policy: str) -> dict[str, str]:
+    """What a table says of a policy, by column."""
+    (line,) = [line for line in table.lines if line[0] == policy]
+    return dict(zip(table.header, line, strict=True))
+
+
+def test_a_table_of_teams_says_of_all_robots_what_they_did_where_all_are_to_arrive() -> None:
+    held = {"holds": 3, "held_time": 3.0, "robots_gap": 0.6}
+    rows = robots("pair", 0, {"time": 10.0, "path_length": 9.0}, {"time": 14.0, "path_length": 12.0})
+    rows += robots("pair", 1, {"time": 12.0, "path_length": 11.0}, {"outcome": "timeout", "standing_time": 9.0})
+    rows += robots("pair", 2, {"time": 20.0, "path_length": 19.0, **held}, {"time": 16.0, "path_length": 15.0})
+    rows += robots("pair", 3, {"time": 18.0, "path_length": 17.0}, {"outcome": "collision"})
+    (table,) = team_tables(rows + robots("other", 0, {}, {}))
+    assert table.title == "hall: 2 robots, all are to arrive"
+    missions = wilson_interval(2, 4)
+    assert told_of(table, "pair") == {
+        "policy": "pair",
+        "missions [%]": f"50 [{100 * missions.low:.0f}, {100 * missions.high:.0f}]",
+        "robots [%]": "75",  # six of eight
+        "first [s]": "14.00",  # of 10, 12, 16 and 18
+        "last [s]": "17.00",  # of 14 and 20
+        "winner [m]": "13.00",  # of 9, 11, 15 and 17
+        "together [m]": "27.50",  # of 21 and 34
+        "holds": "0.75",
+        "held [s]": "0.75",
+        "least gap [m]": "0.60",
+        "collisions": "1",
+        "deadlocks": "0",
+    }
+
+
+def test_a_table_of_teams_says_who_won_where_the_first_arrival_ends_a_mission() -> None:
+    stands = {"outcome": "timeout", "standing_time": 30.0}
+    rows = first_of("pair", 0, {"time": 10.0}, {"outcome": "ended"}) + first_of("pair", 1, {"outcome": "ended"}, {})
+    rows += first_of("pair", 2, {"outcome": "ended"}, {}) + first_of("pair", 3, stands, stands)
+    (table,) = team_tables(rows)
+    told = told_of(table, "pair")
+    assert table.title == "hall: 2 robots, the first that arrives ends the mission"
+    assert told["wins"] == "1 : 2" and told["deadlocks"] == "1" and told["missions [%]"].startswith("75 ")
+    assert not {"robots [%]", "last [s]"} & {*told}
+
+
+def test_differences_of_teams_are_told_as_finely_as_they_matter() -> None:
+    rows = []
+    for seed in range(3):
+        rows += robots("base", seed, {"time": 10.0}, {"outcome": "collision"} if seed else {})
+        rows += robots("pair", seed, {"time": 10.125}, {"outcome": "collision", "held_time": 0.375})
+    (table,) = team_differences(rows, "base")
+    told = told_of(table, "pair")
+    assert told["missions [%]"].startswith("-33 [") and told["held [s]"].startswith("+0.38 [")
+    assert "first [s]" not in told  # no mission that both accomplished
+    assert team_differences(rows, "nobody") == []
 
 
 def test_an_evaluation_of_teams_drives_them_as_predict_does(tmp_path: Path) -> None:
