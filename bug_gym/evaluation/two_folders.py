@@ -22,6 +22,7 @@ from bug_gym.evaluation.report import MEASURES, told_difference
 from bug_gym.evaluation.results_folder import MANIFEST, ROWS, differences, without_places
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import COMPARED, OVERALL, PairedDifference, paired_difference
+from bug_gym.evaluation.text_table import TextTable
 from bug_gym.files import from_json, out_path, replaced_when_done
 
 SAME_LENGTH = 1e-6
@@ -112,8 +113,8 @@ def compare_folders(old: str | os.PathLike[str], new: str | os.PathLike[str]) ->
     return Comparison(found, notes)
 
 
-def change_table(found: Sequence[Change]) -> tuple[str, list[str], list[list[str]]]:
-    """Title, header and lines of a table of changes; a column without a value is left out."""
+def change_table(found: Sequence[Change]) -> TextTable:
+    """A table of changes; a column without a value is left out."""
     measures = [measure for measure in MEASURES if measure.on_screen]
     columns: list[list[str]] = [
         ["policy", *(one.policy for one in found)],
@@ -128,12 +129,10 @@ def change_table(found: Sequence[Change]) -> tuple[str, list[str], list[list[str
     for measure in measures:
         by_change = [next(one for one in change.differences if one.field == measure.field) for change in found]
         cells = [told_difference(one, measure, change.n) for one, change in zip(by_change, found, strict=True)]
-        if any(not isnan(one.mean) for one in by_change):
-            columns.append([measure.name, *cells])
+        columns.append([measure.name, *cells])
         if measure.field == "success":
             columns.append(["p", *(f"{one.p_value:.2g}" for one in by_change)])
-    header, *lines = (list(line) for line in zip(*columns, strict=True))
-    return "new minus old in the same worlds", header, lines
+    return TextTable.of_columns("new minus old in the same worlds", columns)
 
 
 def changes(old: Sequence[EpisodeRow], new: Sequence[EpisodeRow]) -> list[Change]:

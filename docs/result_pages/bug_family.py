@@ -300,8 +300,8 @@ def cylinder_claims(found: Record) -> Page:
                 rows,
             )
         ],
-        f"{runs:,} runs, {claims} wrong claims.{first}{differ} Wrong is also a timeout, a collision, and of a complete algorithm any "
-        "end that is not as the configuration space says"
+        f"{runs:,} runs, {claims} wrong claims.{first}{differ} Wrong is also a timeout, a collision, and of a complete "
+        "algorithm any end that is not as the configuration space says"
         + (f": {listed(ends)}." + FOUND_LAST if ends else "; there is none." + MENDED),
         [
             ("nobody calls a goal unreachable that a way leads to", claims == 0),

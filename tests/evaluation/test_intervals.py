@@ -190,9 +190,10 @@ def test_mcnemar_of_no_disagreement_is_one() -> None:
     assert exact_mcnemar(0, 0) == 1.0
 
 
-def test_mcnemar_refuses_negative_counts() -> None:
+@pytest.mark.parametrize("counts", [(-1, 3), (3, -1)])
+def test_mcnemar_refuses_negative_counts(counts: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="counts"):
-        exact_mcnemar(-1, 3)
+        exact_mcnemar(*counts)
 
 
 @pytest.mark.parametrize("p_values", [(0.04,), (0.01, 0.04), (0.04, 0.01, 0.03, 0.03), (0.5, 0.0, 1.0, 0.02, 0.02)])

@@ -16,7 +16,7 @@ from bug_gym.evaluation import compare_folders, evaluate, read_rows
 from bug_gym.evaluation.results_folder import MANIFEST, ROWS
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.summary import OVERALL
-from bug_gym.evaluation.two_folders import Change, changes
+from bug_gym.evaluation.two_folders import Change, change_table, changes
 
 BOX = [[[2, -1.5], [3, -1.5], [3, 1.5], [2, 1.5]]]
 GROUND: dict[str, Any] = {
@@ -63,6 +63,18 @@ def test_what_is_lost_and_won_is_told_by_its_seed() -> None:
     assert field_of(change, "time") == pytest.approx(-1.0)
     assert change.same == 0
     assert next(one for one in change.differences if one.field == "success").p_value == 1.0  # of 3 that differ, 2 to 1
+
+
+def test_the_table_of_changes_has_each_measure_that_something_was_measured_of() -> None:
+    before = [row_of(seed, success=seed != 1, time=10.0 + seed) for seed in range(4)]
+    after = [row_of(seed, success=seed > 0, time=9.0 + seed) for seed in range(4)]
+    table = change_table(changes(before, after))
+    (line,) = table.lines
+    told = {name: cell.split(" [")[0] for name, cell in zip(table.header, line, strict=True)}
+    counted = {"policy": "mine", "scenario": "field", "worlds": "4", "the same": "0", "lost": "1", "won": "1"}
+    shares = {"before [%]": "75", "after [%]": "75", "success [%]": "+0.0", "p": "1"}
+    assert told == {**counted, **shares, "SPL": "+0.00", "time [s]": "-1.0"}  # no earliest arrival is known
+    assert "(2)" in line[table.header.index("time [s]")]  # worlds in which both arrived
 
 
 def test_the_other_way_round_all_is_the_other_way_round() -> None:
