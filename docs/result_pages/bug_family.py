@@ -287,7 +287,9 @@ def cylinder_claims(found: Record) -> Page:
     ]
     columns = ("reached", "unreachable", "looping", "stuck")
     apart = runs - len(wrong) - sum(one[column] for one in policies.values() for column in columns)
-    differ = f" In {apart} runs robots of a team gave up for different reasons; these stand in no column." if apart else ""
+    differ = (
+        f" In {apart} runs robots of a team gave up for different reasons; these stand in no column." if apart else ""
+    )
     clearances = listed(f"{value:g} m ({robot})" for robot, value in found["clearances"].items())
     driven = {key.split()[0]: one["with a way"] + one["without"] for key, one in policies.items()}
     fewer = [f"`{name}`" for name, worlds in driven.items() if worlds < found["seeds"]]
