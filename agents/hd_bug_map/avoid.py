@@ -36,6 +36,28 @@ HIT, HABIT = 24.0, 0.1
 """Weights of a hit [m], and of a turn [m/rad]."""
 
 
+class Proposal(NamedTuple):
+    """A first velocity from elsewhere, such as a network's; a speed below 0 is straight back."""
+
+    direction: float
+    """Where the robot faces as it is held [rad]."""
+    speed: float
+    """[m/s]."""
+    credit: float
+    """By so much it may cost more than the cheapest sequence, and is driven all the same [m]."""
+
+
+class Chosen(NamedTuple):
+    """What is to be driven among movers."""
+
+    direction: float
+    """[rad]."""
+    speed: float
+    """[m/s]."""
+    is_proposed: bool
+    """Whether it is what was proposed."""
+
+
 class Near(NamedTuple):
     """The movers that could be met within the horizon."""
 
@@ -92,25 +114,35 @@ class Avoidance:
         futures = sample_futures(chosen.id, *where, places, radii, self.spacing, parameters.mover_turns)
         return Near(Movers(places, radii), futures)
 
-    def avoid(self, scene: Scene, memory: HDBugMapMemory, way: Way, near: Near) -> tuple[float, float]:
-        """Direction [rad] and speed [m/s] of the first velocity of the sequence that costs least among movers."""
+    def avoid(
+        self, scene: Scene, memory: HDBugMapMemory, way: Way, near: Near, proposal: Proposal | None = None
+    ) -> Chosen:
+        """The first velocity of the sequence that costs least among movers, or the one proposed."""
         memory.mode, memory.forecast = "avoidance", near.movers.places
         first = self._first_velocities(scene, way)
+        proposed = None
+        if proposal is not None and proposal.speed >= 0.0:
+            proposed = len(first.directions)
+            first = joined(first, self._proposed(scene, proposal))
         behind = self._back_out(scene)
         if behind is not None:
-            first = Velocities(*map(np.concatenate, zip(first, behind, strict=True)))
+            first = joined(first, behind)
+            if proposal is not None and proposal.speed < 0.0:
+                proposed = len(first.directions) - 1
         found = self._judge(scene, memory, way, near.futures, first, is_backing=behind is not None)
         costs = self._costs(scene, way, found)
         second = costs.argmin(axis=1)
         number = np.arange(len(second))
         turned = np.abs(np.angle(np.exp(1j * (first.directions - memory.direction))))
         cost = costs[number, second] + self.parameters.beta * HABIT * turned
+        if proposed is not None and proposal is not None:
+            cost[proposed] = costs[proposed].min() - proposal.credit  # who proposes has habits of its own
         best = int(cost.argmin())
         memory.is_backing = behind is not None and best == len(cost) - 1
         memory.candidates, memory.costs = found.end[number, second], cost
         memory.chosen = float(memory.candidates[best, 0]), float(memory.candidates[best, 1])
         speed = min(float(first.speeds[best]), float(first.free[best]) / self.drive.step)
-        return float(first.directions[best]), max(speed, TURNING)
+        return Chosen(float(first.directions[best]), max(speed, TURNING), best == proposed)
 
     def _first_velocities(self, scene: Scene, way: Way) -> Velocities:
         """Headings about the next node at each pace, and to stand and turn toward it."""
@@ -120,6 +152,13 @@ class Avoidance:
         return Velocities(
             np.append(np.tile(directions, len(PACES)), toward), self.speeds, np.append(np.tile(free, len(PACES)), 0.0)
         )
+
+    @staticmethod
+    def _proposed(scene: Scene, proposal: Proposal) -> Velocities:
+        """What is proposed, as far as it is free."""
+        direction = np.array([proposal.direction])
+        free = np.maximum(scene.light.free(direction - scene.view.heading), 0.0)
+        return Velocities(direction, np.array([proposal.speed]), free)
 
     def _back_out(self, scene: Scene) -> Velocities | None:
         """To drive straight back; None for a robot that doesn't, or has no room to."""
@@ -181,3 +220,8 @@ class Avoidance:
         rest = np.where(found.early > 0.0, -self.measures.top * found.early, rest)
         cost: F64 = self.parameters.alpha * rest + self.parameters.beta * HIT * found.risk
         return cost
+
+
+def joined(first: Velocities, more: Velocities) -> Velocities:
+    """Some velocities and more of them."""
+    return Velocities(*map(np.concatenate, zip(first, more, strict=True)))

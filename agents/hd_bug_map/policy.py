@@ -129,9 +129,13 @@ class HDBugMap(ScriptedPolicy):
         """Along the way, or among movers what costs least, and away from what comes up on it."""
         near = self.avoidance.near_movers(scene, self.predictor)
         if near is not None:
-            direction, speed = self.avoidance.avoid(scene, memory, way, near)
+            direction, speed, _ = self.avoidance.avoid(scene, memory, way, near)
         else:
             direction, speed = follow_way(scene, memory, way, self.measures)
+        return self.go(scene, memory, direction, speed)
+
+    def go(self, scene: Scene, memory: HDBugMapMemory, direction: float, speed: float) -> Velocity:
+        """In a direction [rad] at a speed [m/s], away from what comes up on it."""
         memory.direction = direction
         return self._or_leave(scene, memory, velocity_along(direction - scene.view.heading, speed))
 
@@ -167,7 +171,7 @@ class HDBugMap(ScriptedPolicy):
         view = scene.view
         gap = math.dist(view.position, memory.goal)
         straight = Way(np.array([view.position, memory.goal]), np.array([gap, 0.0]))
-        direction, speed = self.avoidance.avoid(scene, memory, straight, near)
+        direction, speed, _ = self.avoidance.avoid(scene, memory, straight, near)
         memory.mode = "waiting"
         return self._or_leave(scene, memory, velocity_along(direction - view.heading, speed))
 
