@@ -75,6 +75,8 @@ def steered_action(
     for disc in (radius + WIDER, radius):
         if speed <= 0.0:
             speed, rate = pursuing(view, math.hypot(*velocity), course, disc)
+    if speed > 0.0:
+        speed, rate = _within_free_arc(view, speed, rate, radius)
     if speed <= 0.0:
         speed, rate = turning_toward(view, velocity, radius, min(course.aside, OFF_LINE))
     if room is not None and needs_care(view.sensors):
@@ -96,6 +98,14 @@ def pursuing(view: View, speed: float, course: Course, radius: float) -> tuple[f
     else:
         speed, bend = kernels.pursue(x, y, places, SPACING, samples, speed, rate, radius, aside, 0.0)
     return speed, speed / bend
+
+
+def _within_free_arc(view: View, speed: float, rate: float, radius: float) -> tuple[float, float]:
+    """A speed [m/s] and turn rate [rad/s], cut so that a step ends before what is seen: a place of a course may be nearer."""
+    x, y = view.points
+    turn, step = abs(rate), view.sensors.drive.step
+    free = kernels.free_turn(x, y, speed / turn, 1 if rate > 0.0 else -1, radius, turn * step)
+    return (speed, rate) if free >= turn * step else (speed * free / (turn * step), rate * free / (turn * step))
 
 
 def look_ahead(drive: Drive) -> float:

@@ -14,13 +14,15 @@ from bug_gym import kernels
 from bug_gym.agents.scan.contour_ahead import contour_ahead
 from bug_gym.config import load
 from bug_gym.geometry import F64
+from bug_gym.policy import braking_radius
 from bug_gym.reproductions.barn import PARAMETERS
 from bug_gym.reproductions.bug_no_way import problem
 from bug_gym.reproductions.claims import CLEARANCE
 from bug_gym.reproductions.cylinder_claims import is_shut
 from bug_gym.reproductions.cylinder_claims import scenario as cylinders
-from bug_gym.steering import heading_error, look_ahead
-from bug_gym.view import Sensors
+from bug_gym.simulation import Simulation
+from bug_gym.steering import Course, heading_error, look_ahead, steered_action
+from bug_gym.view import Sensors, View
 
 coordinates = st.floats(-2.0, 2.0)
 points = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12)
@@ -75,6 +77,19 @@ def test_the_arc_to_a_course_is_free_and_close_to_it_and_within_the_limits(
     assert speed / abs(bend) <= 1.5 + 1e-9
     # To the nearest place of the line, 0.1 m away, in any case.
     assert least_gap(px, py, abs(bend), side, min(0.1 / abs(bend), math.pi)) >= 0.3 - 1e-6
+
+
+@pytest.mark.parametrize("hand", [0, 1, -1])
+def test_a_step_ends_before_what_is_seen_though_the_course_ends_nearer(hand: int) -> None:
+    wall = [[0.29, -1.0], [0.5, -1.0], [0.5, 1.0], [0.29, 1.0]]  # 0.09 m before the body, which goes 0.1 m in a step
+    world = {"family": "explicit", "polygons": [wall], "start": [0, 0, 0], "goal": [4, 0]}
+    simulation = Simulation({"robot": {"kinematics": "differential"}, "lidar": {"beams": 360}, "world": world})
+    view = View(simulation.reset(seeds=[0])[0, 0], Sensors.of(simulation.scenario))
+    course = Course(np.array([[0.0, 0.0], [0.02, 0.0]]), 0.1, hand)
+    speed, rate = steered_action(view, (1.0, 0.0), course, braking_radius(view.sensors), None)
+    simulation.step(np.array([[[speed, rate]]]))
+    assert simulation.info()["outcome"][0, 0] == "running"
+    assert simulation.info()["path_length"][0, 0] > 0.02  # it goes on as far as it can
 
 
 def test_the_course_is_followed_at_full_speed_through_a_right_angle_where_there_is_room() -> None:

@@ -11,6 +11,9 @@ from bug_gym.agents.parameters import AtMost, Length, Weight, require_numbers
 from bug_gym.geometry import F64
 from bug_gym.view import Sensors
 
+LEAST_CELL = 0.01
+"""The smallest side of a cell of the map [m]: smaller ones would take gigabytes, and a thinner robot keeps as much."""
+
 
 @dataclass(frozen=True)
 class HDBugMapParameters:
@@ -88,12 +91,15 @@ def measures_of(sensors: Sensors, parameters: HDBugMapParameters) -> Measures:
     kept = 1.25 * radius + 2.0 * sensors.range_noise if clearance is None else clearance
     if not kept > radius:
         raise ValueError(f"clearance must be above the robot's radius of {radius:g} m, got {clearance!r}")
+    # Nowhere larger than what ways keep: a point in a corner of a cell would not block it, and walls would have holes.
+    cell = min(max(radius / 2.0, 0.05), max(radius, LEAST_CELL), 0.4)
+    tight = max(radius + 0.1 * (kept - radius), cell)
     return Measures(
         radius=radius,
         footprint=np.array(sensors.footprint, dtype=np.float64).reshape(-1, 3),
-        clearance=kept,
-        tight=radius + 0.1 * (kept - radius),
-        cell=min(max(radius / 2.0, 0.05), 0.4),
+        clearance=max(kept, tight),
+        tight=tight,
+        cell=cell,
         top=parameters.v_max * sensors.drive.max_speed,
         slow=parameters.v_turning * sensors.drive.max_speed,
     )

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from bug_gym.agents import make_policy
 from bug_gym.agents.hd_bug.moving_goal import meeting_time
+from bug_gym.agents.hd_bug_map.parameters import HDBugMapParameters, measures_of
 from bug_gym.agents.prediction import predictor_names
+from bug_gym.config import load
 from bug_gym.evaluation import evaluate
 from bug_gym.reproductions import barn, cylinder_claims
 from bug_gym.shortest_path import shortest_path
 from bug_gym.simulation import Simulation
+from bug_gym.view import Sensors
 
 MODES = {"direct", "following", "avoidance", "emergency", "turning", "waiting"}
 LABELS = {"light", "shadow", "cheap", "candidate", "dear", "chosen", "way", "forecast"}
@@ -116,6 +119,21 @@ def test_a_goal_shut_in_is_unreachable_within_a_lap(sight: float, noise: float) 
     assert episode.verdict == "unreachable" and episode.outcome == "running"
     lap = 4.0 * 8.0 + 2.0 * math.pi * 0.25
     assert episode.length <= 5.75 + lap
+
+
+@pytest.mark.parametrize("radius", [0.005, 0.02, 0.04])
+def test_walls_have_no_holes_for_a_tiny_robot(radius: float) -> None:
+    """A wall is a row of points, one a cell: what is open between them is no way."""
+    settings = {**CLOSED_FORM_SENSORS, "lidar.range": 5.0, "robot.radius": radius, "time.limit": 120.0}
+    assert run_episode("hd_bug_map", "ring", settings).verdict == "unreachable"
+    assert run_episode("hd_bug_map", "hook", settings).outcome == "success"
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.01, 0.0125, 0.03, 0.05, 0.0999, 0.2, 1.0, 5.0])
+def test_a_point_blocks_the_cell_that_remembers_it_at_every_clearance(radius: float) -> None:
+    sensors = Sensors.of(load({"robot": {"radius": radius}}))
+    measures = measures_of(sensors, HDBugMapParameters())
+    assert math.sqrt(0.5) * measures.cell < measures.tight <= measures.clearance and radius < measures.tight
 
 
 @pytest.mark.parametrize("seed", range(3))
