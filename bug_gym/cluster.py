@@ -15,13 +15,14 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
+from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bug_gym.checks import needed_from, shortened
-from bug_gym.references import source_digest
+from bug_gym.references import edits, source_digest
 from bug_gym.workers import WorkerLostError, add_to_path
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ PATIENCE = 60.0
 """How long a cluster may be without any core [s]: one that grows on demand takes a while."""
 REACHABLE = 5.0
 """Time in which the head of a cluster has to answer [s]."""
+EDITED = "BUG_GYM_EDITED"
+"""Says to processes of nodes how often callers' files were found changed: others have imported what these were."""
 GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
 """How a client of HTTP/2 begins (RFC 9113, section 3.4), which the head of a cluster speaks: then come settings, here none."""
 ANSWER, KIND, SETTINGS = 9, 3, 4
@@ -98,9 +101,10 @@ class Cluster:
         from ray import cloudpickle
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-        task: Any = ray.remote(num_cpus=1, max_retries=RETRIES)(_do)
+        edited: dict[str, Any] = {"runtime_env": {"env_vars": {EDITED: str(count)}}} if (count := edits()) else {}
+        task: Any = ray.remote(num_cpus=1, max_retries=RETRIES, **edited)(_do)
         written: Callable[[Any], bytes] = cloudpickle.dumps
-        given = (source_digest(), tuple(sys.path))
+        given = (source_digest(), tuple(sys.path), str(Path.cwd()))
         waiting = iter(enumerate(jobs))
         running: dict[ray.ObjectRef[Any], int] = {}
         try:
@@ -145,11 +149,13 @@ class Cluster:
         return {node["NodeID"] for node in nodes if node["Alive"] and node["Resources"].get("CPU", 0.0) >= 1.0}
 
 
-def _do(source: str, path: Sequence[str], asked: bytes) -> Any:
-    """Do a job on a node: a function and its argument, which are read when they can be imported."""
+def _do(source: str, path: Sequence[str], place: str, asked: bytes) -> Any:
+    """Do a job on a node, in the folder of the machine that asks where there is such a one: a function and its argument."""
     if source != source_digest():
         raise OtherSourceError(f"node {socket.gethostname()} has another source of bug_gym than the machine that asks")
-    add_to_path(path)
+    with suppress(OSError):  # models are named from there
+        os.chdir(place)
+    add_to_path(path)  # what jobs are made of is read when it can be imported
     function, job = pickle.loads(asked)
     return function(job)
 

@@ -180,6 +180,30 @@ _CODE: WeakKeyDictionary[Any, tuple[list[CodeType], str]] = WeakKeyDictionary()
 """What each class or function that was asked about runs, which a notebook's autoreload replaces, and the digest likewise."""
 
 
+_STAMPS: dict[str, tuple[int, int]] = {}
+"""When each file of callers' modules was written [ns], and its size, as `edits` has found them last."""
+_edits = 0
+
+
+def edits() -> int:
+    """How often files that this process has imported from callers were found changed.
+
+    Workers that began before have imported what these said then.
+    """
+    global _edits
+    now, ours = {}, __name__.partition(".")[0]
+    for name, module in [*sys.modules.items()]:
+        top = name.partition(".")[0]
+        file = getattr(module, "__file__", None) if type(module) is ModuleType else None  # a lazy one stays so
+        if file and top not in (ours, "__main__") and not _is_others(top, file):
+            with suppress(OSError):
+                status = Path(file).stat()
+                now[file] = status.st_mtime_ns, status.st_size
+    _edits += any(_STAMPS.get(file, stamp) != stamp for file, stamp in now.items())
+    _STAMPS.update(now)
+    return _edits
+
+
 def _short(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
@@ -200,7 +224,12 @@ def _is_ours(code: Any) -> bool:
 
 def _is_installed(found: type[Any]) -> bool:
     place = getattr(sys.modules.get(found.__module__), "__file__", None) or ""
-    return _top(found) in sys.stdlib_module_names or not INSTALLED.isdisjoint(Path(place).parts)
+    return _is_others(_top(found), place)
+
+
+def _is_others(top: str, place: str) -> bool:
+    """Whether a file of a module at the top is Python's or an installed one."""
+    return top in sys.stdlib_module_names or not INSTALLED.isdisjoint(Path(place).parts)
 
 
 def _top(code: Any) -> str:

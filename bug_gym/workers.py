@@ -14,6 +14,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from bug_gym.checks import checked_count
 from bug_gym.limits import MOST_WORKERS
+from bug_gym.references import edits
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -84,7 +85,7 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path))}
+    settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path), edits())}
     with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
         processes = min(workers, max(len(jobs), os.cpu_count() or 1))  # more would only wait
         parallel = Parallel(n_jobs=processes, return_as="generator" if in_order else "generator_unordered")
@@ -105,12 +106,13 @@ def add_to_path(path: Sequence[str]) -> None:
     sys.path.extend(place for place in path if place not in sys.path)
 
 
-def begin_worker(parent: int, path: Sequence[str]) -> None:
+def begin_worker(parent: int, path: Sequence[str], edited: int) -> None:
     """Ready this process for jobs of its parent: it imports from where that does, and ends with it.
 
     Args:
         parent: its number.
         path: its `sys.path`, with what callers named since; where it is another one, waiting workers are started anew.
+        edited: how often it has found files of theirs changed; likewise, as waiting workers have imported what these were.
     """
     sys.path[:] = path
     end_with(parent)

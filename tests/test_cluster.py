@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import socket
@@ -108,6 +109,32 @@ def test_a_job_says_itself_what_is_wrong(cluster: Cluster) -> None:
     with pytest.raises(ValueError, match=r"^got 0, expected better$"):
         list(each(refuse, [0], cluster))
     assert list(each(half, [3], cluster)) == [1.5]
+
+
+def where(_: int) -> str:
+    """A job."""
+    return str(Path.cwd())
+
+
+def test_jobs_are_done_in_the_folder_of_who_asks(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert list(each(where, [0], cluster)) == [str(tmp_path)]
+    monkeypatch.chdir("/")
+    assert list(each(where, [0], cluster)) == ["/"]
+
+
+def test_nodes_follow_a_module_that_was_edited_and_reloaded(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "my_edited_task.py").write_text("def speed(_): return 1\n")
+    mine = importlib.import_module("my_edited_task")
+    assert list(each(mine.speed, range(4), cluster)) == [1] * 4
+    (tmp_path / "my_edited_task.py").write_text("def speed(_): return 22\n")
+    importlib.reload(mine)
+    assert list(each(mine.speed, range(4), cluster)) == [22] * 4
 
 
 def test_a_job_that_ends_its_process_ends(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:

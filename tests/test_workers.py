@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
@@ -30,6 +31,16 @@ def half(number: int) -> float:
 def test_results_in_order_are_those_of_a_loop(workers: int) -> None:
     assert list(each(half, range(20), workers, in_order=True)) == [number / 2 for number in range(20)]
     assert sorted(each(half, range(20), workers)) == [number / 2 for number in range(20)]
+
+
+def test_workers_follow_a_module_that_was_edited_and_reloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "my_edited_job.py").write_text("def speed(_): return 1\n")
+    mine = importlib.import_module("my_edited_job")
+    assert list(each(mine.speed, range(4), 2)) == [1] * 4
+    (tmp_path / "my_edited_job.py").write_text("def speed(_): return 22\n")
+    importlib.reload(mine)
+    assert list(each(mine.speed, range(4), 2)) == [22] * 4
 
 
 SLOW = ["--scenario", "moving_target", "--policies", "bug2", "--episodes", "4000", "--workers", "2"]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -16,12 +18,19 @@ from bug_gym.checks import shortened
 from bug_gym.config import Scenario, checked
 from bug_gym.evaluation.suites import SuitePolicy
 from bug_gym.policy import MisfitError, Policy, ScriptedPolicy
-from bug_gym.references import code_digest, is_reference, kept_in_process, note_code, reference_of
+from bug_gym.references import code_digest, is_reference, kept_in_process, reference_of
+from bug_gym.scenario_code import own_code, own_parts
 from bug_gym.simulation import Simulation
 
 EXPECTED = (
     "a name, a Spec, a path, a class, (label, name, parameters), a dict with those keys, or an object with predict"
 )
+
+_HELD: dict[tuple[str, str], type[Any]] = {}
+"""Classes from outside as plans hold to them, by reference and digest: their files may say something else later."""
+
+_PLANNED: set[tuple[tuple[str, str], ...]] = set()
+"""What scenarios' own code was written in when this process planned, and imported, it."""
 
 
 class PolicyNote(str):
@@ -44,6 +53,8 @@ class PolicyEntry:
     """The class, where it was given itself."""
     reference: str = ""
     """Where the class of a name from outside is found by a process that nothing was registered in."""
+    written: str | None = None
+    """Its `code` when it was planned, see `held`; None: whatever is found."""
 
     @classmethod
     def of(cls, source: Any) -> PolicyEntry:
@@ -123,12 +134,41 @@ class PolicyEntry:
     @property
     def _own_class(self) -> type[Any] | None:
         """The class from outside, None where there is none."""
-        return imported_class(self.reference) if self.reference else self.policy_class
+        if not self.reference:
+            return self.policy_class
+        return _HELD.get((self.reference, self.written or "")) or imported_class(self.reference)
 
-    def note_code(self) -> None:
-        """Take down what a class from outside is written in now, so that a change after this is noticed."""
-        if self._own_class is not None:
-            note_code(self._own_class)
+    def held(self) -> PolicyEntry:
+        """The same, held to what it is written in or what model it is now: an edit after this changes no run of it."""
+        with suppress(ValueError, OSError):  # whoever asks for the digest is told
+            planned = replace(self, written=self.code)
+            planned._keep(self._own_class)
+            return planned
+        return self
+
+    def _keep(self, found: type[Any] | None) -> None:
+        """Have this process make the policy of this class from now on, whatever its file says."""
+        if found is not None:
+            _HELD[self.reference or reference_of(found), self.written or ""] = found
+
+    def _require_held(self) -> None:
+        """Refuse what is not what was planned; a class is looked at once by each process.
+
+        Raises:
+            ValueError: code or model are others here than in the process that planned, or than then.
+        """
+        if self.written is None or (self.policy_class is not None and _came_itself(self.policy_class)):
+            return
+        found, is_same = self._own_class, False
+        if found is not None and (self.reference or reference_of(found), self.written) in _HELD:
+            return
+        with suppress(ValueError):  # a file that was changed after it was imported
+            is_same = self.code in (self.written, "")  # what is not there at all, whoever makes it tells
+        if not is_same:
+            error = ValueError("its code or model was changed after this began, where a process reads it only now")
+            error.add_note(PolicyNote(f"policy {self.label}"))
+            raise error
+        self._keep(found)
 
     def require_as_imported(self) -> None:
         """Refuse a class from outside whose file has changed since: other processes would import another one.
@@ -146,13 +186,15 @@ class PolicyEntry:
 
     @property
     def _made_of(self) -> Any:
-        return self.policy_class or self.reference or self.name
+        is_held = self.written is not None and bool(self.reference)
+        return self._own_class if is_held else self.policy_class or self.reference or self.name
 
     def make(self, simulation: Simulation) -> Policy:
         """The policy for the robots of a simulation.
 
         Raises:
-            ValueError: an object that reads the map of another env, or that was trained on other observations.
+            ValueError: an object that reads the map of another env, or that was trained on other observations; or code, or a
+                model, that is not what was planned.
             MisfitError: a model of stable-baselines3 that was made for another robot.
         """
         if self.policy is not None:
@@ -160,6 +202,7 @@ class PolicyEntry:
                 expected = "give its name and parameters instead"
                 raise ValueError(f"{self.label}: a planner reads the map of the env that it was made with: {expected}")
             return make_policy(self.policy, simulation)
+        self._require_held()
         try:
             with kept_in_process():
                 return make_policy(self._made_of, simulation, **self.parameters)
@@ -173,6 +216,12 @@ class PolicyEntry:
             raise
 
 
+def _came_itself(found: Any) -> bool:
+    """Whether another process has sent a class or function as it is, as that of a notebook, and not by its name."""
+    named = getattr(found, "py_func", found)  # a compiled one stands for it
+    return getattr(sys.modules.get(named.__module__), getattr(named, "__name__", ""), None) is not found
+
+
 @dataclass(frozen=True)
 class ScenarioEntry:
     """A scenario to evaluate in, and the seeds of its worlds."""
@@ -183,6 +232,29 @@ class ScenarioEntry:
     seeds: range
     words: str = ""
     """As a shell hands it to a command, with its overrides; "" where it has no name, see `by_name.scenario_words`."""
+    written: tuple[tuple[str, str], ...] = ()
+    """Digests of its own functions and family when it was planned, by key and name, see `held`."""
+
+    def held(self) -> ScenarioEntry:
+        """The same, held to what its own functions and family are written in now."""
+        with suppress(ValueError, OSError):  # whoever asks for the digest is told
+            planned = replace(self, written=tuple(own_code(self.scenario).items()))
+            _PLANNED.add(planned.written)
+            return planned
+        return self
+
+    def require_held(self) -> None:
+        """Refuse code that a worker has imported after it was changed.
+
+        Raises:
+            ValueError: it is not what was planned.
+        """
+        if not self.written or self.written in _PLANNED:
+            return
+        parts, planned = own_parts(self.scenario), dict(self.written)
+        for told in [key for key, code in parts.items() if not _came_itself(code)]:
+            if code_digest(parts[told]) != planned[told]:
+                raise ValueError(f"scenario {self.label}: the code of {told} was changed after this began")
 
     @property
     def has_moving_target(self) -> bool:

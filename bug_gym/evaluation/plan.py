@@ -96,8 +96,6 @@ class Plan:
 
     def note_code(self) -> None:
         """Take down what is from outside as it is written now, so that a change after this is noticed."""
-        for entry in self.policies:
-            entry.note_code()
         for scenario in self.scenarios:
             for code in own_parts(scenario.scenario).values():
                 note_code(code)
@@ -181,8 +179,8 @@ def make_plan(
     lost = [entry for entry in labelled if all((entry.label, scenario.label) in left_out for scenario in scenarios)]
     if lost and not by_default:
         raise MisfitError(left_out[lost[0].label, scenarios[0].label])
-    kept = tuple(entry for entry in labelled if entry not in lost)
-    plan = Plan(name, kept, tuple(scenarios), frozenset(left_out))
+    kept = tuple(entry.held() for entry in labelled if entry not in lost)
+    plan = Plan(name, kept, tuple(entry.held() for entry in scenarios), frozenset(left_out))
     plan.note_code()
     return plan
 

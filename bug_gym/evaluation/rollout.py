@@ -196,7 +196,11 @@ def prepared(
         slots: how many worlds. A policy that reads the map, and has no `begin`, gets one: it has to know whose map it
             reads.
         at_once: whether to ask one that is not scripted for all robots in one call, where no decision's time is asked for.
+
+    Raises:
+        ValueError: code that the scenario names is not what was planned, see `ScenarioEntry.held`.
     """
+    scenario.require_held()
     simulation = Simulation(scenario.scenario, slots)
     policy = make(simulation)
     is_told = not is_privileged(policy) or isinstance(policy, Planner)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import pickle
 import re
 import shlex
 import subprocess
@@ -21,9 +22,10 @@ from bug_gym.agents import AGENTS, REGISTERED, Spec, known_agents, make_policy, 
 from bug_gym.agents.floors.go_to_goal import GoToGoal
 from bug_gym.agents.learning.settings import load_settings
 from bug_gym.cli import main
-from bug_gym.config import ScenarioError
-from bug_gym.evaluation import evaluate
+from bug_gym.config import ScenarioError, load
+from bug_gym.evaluation import entries, evaluate, read_rows
 from bug_gym.evaluation.entries import PolicyEntry
+from bug_gym.evaluation.plan import make_plan
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import load_suite
 from bug_gym.navigation_env import NavigationEnv
@@ -428,6 +430,55 @@ def test_a_class_whose_file_was_changed_after_it_was_imported_is_refused_until_i
     assert evaluate(mine.MyBug, OPEN, episodes=1, out="results")[0].time > 1.5 * rows[0].time
     with pytest.raises(ValueError, match=told):  # the old one is still that of the old text
         evaluate(before, OPEN, episodes=1, out="others")
+
+
+class Editing(GoToGoal):
+    """Edits a file of the user's on its way, as somebody does who can't wait for the end."""
+
+    def act(self, view: Any, memory: Memory) -> tuple[float, float]:
+        if view.goal_distance < 1.0:
+            Path("my_bug.py").write_text(CODE.replace("= 1.0", "= 0.50"), encoding="utf-8")
+        return super().act(view, memory)
+
+
+def test_an_edit_during_an_evaluation_changes_none_of_its_rows(place: Path) -> None:
+    rows = evaluate("my_bug.py:MyBug", OPEN, episodes=2)
+    both = evaluate([Editing, "my_bug.py:MyBug"], OPEN, episodes=2, out="results")
+    assert runs([row for row in both if row.policy == "my_bug.py:MyBug"]) == runs(rows)
+    (mine,) = (one for one in read_rows("results") if one.policy == "my_bug.py:MyBug" and one.seed == 0)
+    assert mine.time == rows[0].time < evaluate("my_bug.py:MyBug", OPEN, episodes=1)[0].time
+    with pytest.raises(ValueError, match="results holds another run"):
+        evaluate([Editing, "my_bug.py:MyBug"], OPEN, episodes=2, out="results")
+
+
+def test_a_process_that_reads_a_policy_after_an_edit_refuses_it(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (place / "my_model").mkdir()
+    (place / "my_model" / "config.json").write_text("{}")
+    simulation = Simulation(load(OPEN), 1)
+    by_file, by_class = (PolicyEntry.of(one).held() for one in ("my_bug.py:MyBug", GoToGoal))
+    of_model = PolicyEntry.of("./my_model/").held()
+    (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.50"), encoding="utf-8")
+    (place / "my_model" / "config.json").write_text("{ }")
+    assert by_file.make(simulation) and by_class.make(simulation)
+    monkeypatch.setattr(entries, "_HELD", {})  # as in a worker that begins now
+    assert by_class.make(simulation)
+    for entry in (by_file, of_model):
+        with pytest.raises(ValueError, match="its code or model was changed after this began") as caught:
+            entry.make(simulation)
+        assert caught.value.__notes__ == [f"policy {entry.label}"]
+
+
+def test_a_process_that_reads_a_scenarios_code_after_an_edit_refuses_it(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (place / "my_term.py").write_text("def near(ranges): return ranges.min(axis=1)\n")
+    own = {**OPEN, "reward_terms": {"near": {"function": "my_term.py:near", "weight": 1.0}}}
+    (planned,) = make_plan("go_to_goal", own, episodes=1, trust=True).scenarios
+    (place / "my_term.py").write_text("def near(ranges): return ranges.max(axis=1) / 2.0\n")
+    planned.require_held()  # this process has what it planned
+    monkeypatch.setattr(entries, "_PLANNED", set())  # as in a worker that begins now
+    with pytest.raises(ValueError, match=r"the code of reward_terms\.near was changed after this began$"):
+        pickle.loads(pickle.dumps(planned)).require_held()
 
 
 def test_a_base_whose_file_was_changed_after_it_was_imported_is_named(place: Path) -> None:
