@@ -1,8 +1,8 @@
 """The navigator beside its two parts, the map planner and the network: is it good in every kind of world?
 
-`navigator` is `hd_bug_map` where nothing moves and has `ppo_mixed` drive on the planned way among movers, so in a kind of
-world it may be as good as the better of both, or fall between them. Nine kinds with the robot that the network was trained
-for, in worlds on which nothing was set. Claimed of each kind: it arrives no less often than the better one, as far as the
+`navigator` is `hd_bug_map` where nothing moves; among movers `ppo_mixed` proposes what to drive on the planned way, and the
+planner judges it beside its own. Nine kinds with the robot that the network was trained for, in worlds on which nothing was
+set. Claimed of each kind: it arrives no less often than the better one, as far as the
 worlds can tell (McNemar's exact test against both, Holm's correction for all of the tests); and where nothing moves it goes
 the planner's way to the last digit.
 """
