@@ -82,6 +82,14 @@ def test_the_page_of_a_model_says_what_it_was_trained_by_and_in(policies: Mappin
     assert "| DQN, trained in the scenario dynamic |" in policies["algorithms/index.md"]
 
 
+def test_a_docstrings_signs_stand_as_they_are_and_headings_of_paragraphs_are_set() -> None:
+    prose = part("site_pages.markup").prose
+    assert prose("*Stop rule.* A robot <x> wins.\n\n*No way.* 2 * 3, `a*b`.") == (
+        "*Stop rule.* A robot \\<x> wins.\n\n*No way.* 2 \\* 3, `a*b`."
+    )
+    assert prose("A* and D* go on. *x") == "A\\* and D\\* go on. \\*x"
+
+
 def test_no_sentence_of_a_docstring_is_lost(policies: Mapping[str, str]) -> None:
     algorithms = part("site_pages.algorithms")
     for entry in algorithms.one_a_model():

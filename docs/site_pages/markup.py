@@ -8,11 +8,14 @@ from collections.abc import Iterable, Sequence
 CODE = re.compile(r"(`[^`]*`)")
 """A piece of code within a sentence."""
 
+SIGN = re.compile(r"(^\*[A-Z][^*]*\.\*(?= ))|([*<])", re.MULTILINE)
+"""What a paragraph begins with as its heading, or a sign that is meant as such."""
+
 
 def prose(text: str) -> str:
-    """Plain text of a docstring, whose stars and brackets are meant as such."""
+    """Plain text of a docstring, whose stars and brackets are meant as such, but for headings of paragraphs in stars."""
     parts = CODE.split(text)
-    parts[::2] = [re.sub(r"([*<])", r"\\\1", part) for part in parts[::2]]
+    parts[::2] = [SIGN.sub(lambda sign: sign[1] or "\\" + sign[2], part) for part in parts[::2]]
     return "".join(parts)
 
 
