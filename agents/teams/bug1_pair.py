@@ -41,7 +41,7 @@ import numpy as np
 
 from bug_gym.agents.bugs.bug1 import Bug1, Bug1Memory
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugTeamMemory
+from bug_gym.agents.teams.bug_team import PATIENCE, SAME_DISTANCE, BugTeam, BugTeamMemory, distances
 from bug_gym.agents.teams.partners import ROOM, Seen, are_linked, closes, gap, least_gap, now_of, points_told
 from bug_gym.agents.walls.contour import CLOSER, Contour
 from bug_gym.agents.walls.laps import is_parting
@@ -50,12 +50,9 @@ from bug_gym.kinematics import TURN_IN_PLACE, speed_and_error
 from bug_gym.policy import STANDING, Velocity
 from bug_gym.view import Sensors, View
 
-BEHIND = 2.0
-"""How far behind the first robot the second one leaves an obstacle [m]."""
-
-AHEAD = 4.0
-"""How far one that goes round the same wall before its partner must have come until that follows [m]: where it comes out of a
-niche that is half as deep it meets it."""
+AHEAD = 2.0
+"""How many times as far as the second robot follows behind the first one that one must have come that goes round the same wall
+before its partner, until that follows: where it comes out of a niche that is half as deep it meets it."""
 
 OPPOSITE = -0.5
 """Cosine between two directions of travel below which they are opposite."""
@@ -121,6 +118,8 @@ class Bug1Pair(BugTeam):
             for side, turn in ((1, "left"), (-1, "right"))
         }
         self.laws = [self.by_side[1], self.by_side[-1]]
+        _, self.behind = distances(sensors)
+        """How far behind the first robot the second one leaves an obstacle [m]."""
         self.meeting_gap = least_gap(sensors) + 2.0 * self.step
         """How near to one another the two meet [m]."""
 
@@ -159,23 +158,26 @@ class Bug1Pair(BugTeam):
             return STANDING
         distance = gap(memory, other) if len(team) == 2 else math.inf
         stands_there = not other.is_heard and other.word is not None
-        if (gap(memory, other) if stands_there else distance) >= BEHIND:
+        if (gap(memory, other) if stands_there else distance) >= self.behind:
             memory.is_detouring = False
             lets_ahead = memory.is_behind and memory.own.mode == "boundary_following"
             memory.waited = memory.waited if lets_ahead else 0.0  # it does so for 20 s at most
         memory.detoured_for = memory.detoured_for + self.sensors.drive.step if memory.is_detouring else 0.0
-        if distance < BEHIND and memory.detoured_for > LONG_WAY and not memory.has_own_goal:
+        if distance < self.behind and memory.detoured_for > LONG_WAY and not memory.has_own_goal:
             self._stop_circling(robot, memory, other)
-        if memory.has_own_goal and distance < BEHIND:
+        if memory.has_own_goal and distance < self.behind:
             if robot == 1:
                 return self._hold(memory)
             memory.is_detouring = True
         if memory.is_behind and memory.own.mode not in RETURNS:
             memory.waited += self.sensors.drive.step
-            if distance < (BEHIND if memory.own.contour is None else AHEAD) and memory.waited <= 2.0 * PATIENCE:
+            if (
+                distance < self.behind * (1.0 if memory.own.contour is None else AHEAD)
+                and memory.waited <= 2.0 * PATIENCE
+            ):
                 return self._hold(memory)
             memory.is_behind = False  # the finder has gone, or does not get away
-        if distance < BEHIND and self._is_asked_back(memory, other):
+        if distance < self.behind and self._is_asked_back(memory, other):
             self._go_ahead(memory, other, view)
         if memory.pending is None:
             memory.pending = self._decide(robot, view, team, memories)
@@ -252,6 +254,8 @@ class Bug1Pair(BugTeam):
     def _is_in_the_way(self, memory: Bug1PairMemory, other: Bug1PairMemory, velocity: Velocity) -> bool:
         """Whether the next step of a robot would bring it too near to the other, which has a velocity already."""
         assert memory.pending is not None
+        if memory.has_own_goal and memory.is_detouring and other.mode == "hold":
+            return False  # it stays, and what is seen of it is nearer than a disc about a long body
         least = least_gap(self.sensors) - (0.8 * ROOM if memory.is_detouring else 0.0)
         if self.sensors.drive.kinematics != "holonomic" and abs(speed_and_error(velocity)[1]) > TURN_IN_PLACE:
             velocity = STANDING  # it has to turn first

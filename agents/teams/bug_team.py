@@ -36,6 +36,9 @@ from bug_gym.policy import STANDING, Drawing, MisfitError, Velocity, braking_rad
 from bug_gym.team_policy import TeamMemory, TeamPolicy
 from bug_gym.view import Sensors, View
 
+HOLD, GO = 1.5, 2.0
+"""How near to one another robots hold, and from where on they go on (Oni and Wang, section 3.2) [m]."""
+
 PATIENCE = 10.0
 """How long a robot waits in one encounter before it goes round its partner [s]."""
 
@@ -55,14 +58,19 @@ ARRIVING = 2.0
 """How many steps from its goal a robot that falls silent has arrived."""
 
 
-def check_distances(hold_distance: float, go_distance: float) -> None:
-    """Refuse distances [m] to hold at and to go on from that no robot can keep.
+def distances(sensors: Sensors, hold: float | None = None, go: float | None = None) -> tuple[float, float]:
+    """Distances between centres [m] to hold at, and to go on from: those asked for, else the paper's.
+
+    Robots that would touch one another by then, or in the next step, hold half a metre before they go on, too, but farther off.
 
     Raises:
         ValueError: one to hold at that is negative, or beyond that to go on from.
     """
-    if not 0.0 <= hold_distance <= go_distance:
-        raise ValueError(f"hold_distance must be from 0 to go_distance ({go_distance}), got {hold_distance}")
+    wider = max(least_gap(sensors) + 2.0 * sensors.step_length - HOLD, 0.0)
+    hold, go = HOLD + wider if hold is None else hold, GO + wider if go is None else go
+    if not 0.0 <= hold <= go:
+        raise ValueError(f"hold_distance must be from 0 to go_distance ({go:g}), got {hold:g}")
+    return hold, go
 
 
 def is_between(view: View, radius: float) -> bool:

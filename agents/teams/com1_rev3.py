@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from bug_gym.agents.bugs.com1 import Com1
 from bug_gym.agents.bugs.rev3 import Rev3
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import PATIENCE, BugTeam, BugTeamMemory, check_distances
+from bug_gym.agents.teams.bug_team import PATIENCE, BugTeam, BugTeamMemory, distances
 from bug_gym.agents.teams.partners import (
     ROOM,
     closes,
@@ -114,10 +114,10 @@ class Com1Rev3Parameters:
     """Where a free heading counts: "front" within 90 degrees of the direction of travel, "any" everywhere."""
     sides: Sides = "right_left"
     """First turns of Com1 and of Rev3: one each way, or both "left" (the paper's examples) or "right"."""
-    hold_distance: Length = 1.5
-    """Distance to a robot that comes before it, below which a robot holds [m]."""
-    go_distance: Length = 2.0
-    """Distance from which on it goes on [m]."""
+    hold_distance: Length | None = None
+    """Distance to a robot that comes before it, below which a robot holds [m]; None: 1.5 m, or what large bodies need."""
+    go_distance: Length | None = None
+    """Distance from which on it goes on [m]; None: 2 m, or half a metre more than large bodies need."""
     partner_rule: PartnerRule = "solo"
     """What a robot that comes first does about one in its way: "solo" keeps its curve and waits for room, "paper" goes
     round it, "ghost" passes through it (for worlds in which robots have no bodies to one another)."""
@@ -151,12 +151,12 @@ class Com1Rev3(BugTeam):
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
         own = self.parameters
-        check_distances(own.hold_distance, own.go_distance)
+        self.hold, self.go = distances(sensors, own.hold_distance, own.go_distance)
         self.leaders = (self.robots + 1) // 2
         """How many robots drive by Com1; they come first."""
         self.least_gap = least_gap(sensors)
         """How near to one another the robots' centres may come [m]."""
-        self.sight = max(own.go_distance, farthest_blocker(sensors))
+        self.sight = max(self.go, farthest_blocker(sensors))
         """How near to one another robots are to mind one another [m]."""
         turns = TURNS[own.sides]
         settings: dict[str, Any] = {"clearance": own.clearance, "leave_rule": own.leave_rule}
@@ -291,10 +291,9 @@ class Com1Rev3(BugTeam):
 
     def _look_for_encounters(self, decision: Decision) -> None:
         """Who holds for whom: from below the one distance on until the other is reached; for no one after a win."""
-        own = self.parameters
         for robot in decision.team:
             memory, near = decision.memories[robot], decision.near[robot]
-            gaps = {other: distance for other, distance in near.items() if distance < own.go_distance} if near else near
+            gaps = {other: distance for other, distance in near.items() if distance < self.go} if near else near
             held = memory.holding_for
             if not gaps:
                 memory.waited = 0.0
@@ -308,7 +307,7 @@ class Com1Rev3(BugTeam):
                 continue
             was_held = bool(held)
             for other, distance in gaps.items():
-                if other < robot and distance < own.hold_distance:
+                if other < robot and distance < self.hold:
                     held.add(other)
             memory.holds += bool(held) and not was_held
             memory.held += self.sensors.drive.step if held else 0.0

@@ -22,7 +22,7 @@ from bug_gym.agents.bugs.bug0 import Bug0
 from bug_gym.agents.bugs.bug1 import Bug1
 from bug_gym.agents.bugs.bug2 import Bug2
 from bug_gym.agents.parameters import Length
-from bug_gym.agents.teams.bug_team import BugTeam, BugTeamMemory, check_distances
+from bug_gym.agents.teams.bug_team import BugTeam, BugTeamMemory, distances
 from bug_gym.agents.teams.partners import Seen, gap, now_of
 from bug_gym.agents.walls.boundary_bug import BoundaryBug
 from bug_gym.agents.walls.contour import Contour
@@ -42,10 +42,10 @@ class SwarmParameters:
     differential robot's brake needs if that is more."""
     first: Literal["right", "left"] = "right"
     """Turn of the first robot; the next one turns the other way, and so on."""
-    hold_distance: Length = 1.5
-    """Distance to an earlier robot below which a robot stands [m]."""
-    go_distance: Length = 2.0
-    """Distance from which on it goes on [m]."""
+    hold_distance: Length | None = None
+    """Distance to an earlier robot below which a robot stands [m]; None: 1.5 m, or what large bodies need."""
+    go_distance: Length | None = None
+    """Distance from which on it goes on [m]; None: 2 m, or half a metre more than large bodies need."""
 
 
 @dataclass
@@ -75,7 +75,7 @@ class Swarm(BugTeam):
 
     def __init__(self, sensors: Sensors, *, agents: Sequence[str], discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, agents=agents, discrete=discrete, **parameters)
-        check_distances(self.parameters.hold_distance, self.parameters.go_distance)
+        self.hold, self.go = distances(sensors, self.parameters.hold_distance, self.parameters.go_distance)
         turns = ("right", "left") if self.parameters.first == "right" else ("left", "right")
         clearance = self.parameters.clearance
         laws = (self.law(sensors, clearance=clearance, turn=turns[robot % 2]) for robot in range(self.robots))
@@ -129,10 +129,10 @@ class Swarm(BugTeam):
 
     def _holds(self, robot: int, memories: Sequence[SwarmMemory]) -> bool:
         """Whether a robot stands for an earlier one that is near."""
-        memory, own = memories[robot], self.parameters
+        memory = memories[robot]
         earlier = [gap(memory, memories[other]) for other in self.going(memories) if other < robot]
         was_holding = memory.is_holding
-        memory.is_holding = min(earlier, default=math.inf) < (own.go_distance if was_holding else own.hold_distance)
+        memory.is_holding = min(earlier, default=math.inf) < (self.go if was_holding else self.hold)
         memory.holds += memory.is_holding and not was_holding
         memory.held += self.sensors.drive.step if memory.is_holding else 0.0
         return memory.is_holding
