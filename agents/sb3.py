@@ -183,6 +183,18 @@ def bound_arguments(name: str) -> dict[str, Any]:
 class ArrayVecEnv(VecEnv):
     """A `VecEnv` whose rows are rows of arrays: they share its attributes, and have no methods of their own."""
 
+    def _get_indices(self, indices: VecEnvIndices) -> list[int]:
+        """Numbers of the rows that are meant; -1 is the last one.
+
+        Raises:
+            IndexError: there is no such row.
+        """
+        rows = list(super()._get_indices(indices))
+        for row in rows:
+            if not -self.num_envs <= row < self.num_envs:
+                raise IndexError(f"expected numbers of {self.num_envs} rows, got {row}")
+        return [row % self.num_envs for row in rows]
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute of this env, once for each row: the rows share them all."""
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]

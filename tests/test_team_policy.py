@@ -319,7 +319,7 @@ def test_a_learned_policy_says_what_does_not_fit_among_the_robots_there_are() ->
     for name in ("ppo_crossing_robots", "ppo_dynamic"):
         with pytest.raises(MisfitError, match="robot: kinematics differential, not holonomic$"):
             make_policy(name, two)
-    with pytest.raises(MisfitError, match="the navigator drives differential robots, got a holonomic one"):
+    with pytest.raises(MisfitError, match="the navigator drives differential robots, got kinematics='holonomic'"):
         make_policy("navigator", two)
 
 

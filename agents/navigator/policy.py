@@ -96,7 +96,7 @@ class Navigator(HDBugMap):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         if sensors.drive.kinematics != "differential":
-            raise MisfitError(f"the navigator drives differential robots, got a {sensors.drive.kinematics} one")
+            raise MisfitError(f"the navigator drives differential robots, got kinematics={sensors.drive.kinematics!r}")
         self.network = LearnedPolicy(sensors, model=self.parameters.model)
         self._table = discrete_actions(sensors.drive)
 

@@ -400,6 +400,12 @@ def test_rows_answer_for_the_env_that_holds_them() -> None:
     made = make(3)
     assert made.get_attr("render_mode") == [None] * 3
     assert made.get_attr("simulation", indices=[1]) == [made.simulation]
+    assert made.get_attr("render_mode", indices=-1) == [None]
+    for indices in (3, [0, 3], [-4]):
+        with pytest.raises(IndexError, match="3 rows"):
+            made.get_attr("render_mode", indices=indices)
+        with pytest.raises(IndexError, match="3 rows"):
+            made.env_is_wrapped(Monitor, indices=indices)
     made.set_attr("note", 4)
     assert made.get_attr("note") == [4] * 3
     assert not made.has_attr("no_such_thing")

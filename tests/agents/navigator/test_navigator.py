@@ -335,7 +335,7 @@ def test_it_arrives_in_most_worlds_of_rush() -> None:
     ("overrides", "said"),
     [
         ({"lidar.beams": 32}, "beams 64, not 32"),
-        ({"robot.kinematics": "holonomic"}, "drives differential robots, got a holonomic one"),
+        ({"robot.kinematics": "holonomic"}, "drives differential robots, got kinematics='holonomic'"),
         ({"robot.max_acceleration": 1.0}, "max_acceleration None, not 1.0"),
     ],
 )
