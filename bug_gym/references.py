@@ -18,6 +18,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -316,6 +317,15 @@ def _require_missing(name: str, error: ModuleNotFoundError) -> None:
         raise error
 
 
+class _Text(SourceFileLoader):
+    """Runs a file as it is written, never bytecode kept of what it was: Python tells the two apart by second and size."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        """The compiled text."""
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
 def _module_of_file(place: str) -> ModuleType:
     """The module that a file holds, run once for each text of it; what lies beside it can be imported."""
     path = Path(place).expanduser().absolute()
@@ -327,7 +337,7 @@ def _module_of_file(place: str) -> ModuleType:
         return sys.modules[name]
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
-    specification = importlib.util.spec_from_file_location(name, path)
+    specification = importlib.util.spec_from_file_location(name, path, loader=_Text(name, str(path)))
     assert specification is not None and specification.loader is not None  # the name ends in .py
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module  # dataclasses look their module up

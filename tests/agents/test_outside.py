@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import pickle
 import re
 import shlex
@@ -345,10 +346,16 @@ def test_a_run_does_not_go_on_with_other_code(place: Path) -> None:
         evaluate("my_bug.py:MyBug", OPEN, episodes=1, out="results")
 
 
-def test_a_changed_file_is_read_again(place: Path) -> None:
-    assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 1.0  # type: ignore[attr-defined]
-    (place / "my_bug.py").write_text(CODE.replace("= 1.0", "= 0.5"), encoding="utf-8")
-    assert make_policy("my_bug.py:MyBug", OPEN).parameters.speed == 0.5  # type: ignore[attr-defined]
+def test_a_changed_file_is_read_again_though_it_is_as_long_and_of_the_same_second(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    for speed in (1.0, 0.5):
+        (place / "my_bug.py").write_text(CODE.replace("= 1.0", f"= {speed}"), encoding="utf-8")
+        os.utime(place / "my_bug.py", (1e9, 1e9))
+        policy: Any = make_policy("my_bug.py:MyBug", OPEN)
+        assert policy.parameters.speed == speed
+    assert not (place / "__pycache__").exists()
 
 
 FAMILY = {
