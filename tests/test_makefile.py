@@ -10,7 +10,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+@pytest.mark.skipif(
+    os.name == "nt" or shutil.which("make") is None, reason="needs make, and the shell that its targets are for"
+)
 def test_programs_keep_the_bytecode_of_packages_which_are_installed_without() -> None:
     asks = 'told: ; @echo "[$$PYTHONDONTWRITEBYTECODE]"'
     command = ["make", "--no-print-directory", "--eval", asks, "told"]

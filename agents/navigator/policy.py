@@ -5,8 +5,8 @@ and has no map: the one arrives in mazes and rooms, the other passes what moves.
 robot and the scanner are those that the network was trained with, another is refused. Memory kept: that of hd_bug_map;
 the last scans for the network (learning.history); what was seen to move (switch). States: those of hd_bug_map, and
 network. Guarantee: while nothing is taken for a mover it reaches the goal or declares it unreachable, as hd_bug_map
-does. Length: there that of hd_bug_map. Found: no worse than the better of its two
-parts in nine kinds of world, as far as 500 worlds each can tell: docs/results/navigator.md.
+does. Length: there that of hd_bug_map. Found: no worse than the better of its two parts in nine kinds of world, as far as
+500 worlds each can tell: docs/results/navigator.md.
 
 1. Each decision begins as hd_bug_map's: to perceive, to aim, to plan. So the way is always one through all that is
    remembered, and where there is none the verdict is the planner's.

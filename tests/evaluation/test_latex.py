@@ -52,6 +52,11 @@ def test_a_text_is_set_as_it_is(text: str) -> None:
     assert read(latex_text(text)) == text
 
 
+@pytest.mark.parametrize("text", ["--", "a---b", "''", "``", ",,", "?`", "!`", "-- ''"])
+def test_two_characters_are_not_set_as_one(text: str) -> None:
+    assert read(latex_text(text)) == text
+
+
 @given(st.text(alphabet=sorted(SIGNS)))
 def test_no_sign_of_a_text_is_left_to_latex(text: str) -> None:
     left = latex_text(text)
