@@ -246,21 +246,31 @@ def _drop_output() -> None:
 def _ended_by_signals() -> Iterator[None]:
     """Raise Ended where a signal would end the process at once; a second one does end it at once.
 
-    A signal that is ignored, as SIGHUP is under `nohup`, stays so.
+    A signal that is ignored, as SIGHUP is under `nohup`, stays so. Where a library raises KeyboardInterrupt for whatever
+    its waiting was broken off by, as Ray does, Ended takes its place.
     """
     is_main = threading.current_thread() is threading.main_thread()  # no other thread may ask for signals
     numbers = [getattr(signal, name) for name in ENDINGS if hasattr(signal, name)] if is_main else []
     ours = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
+    asked: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
         for one in ours:
             signal.signal(one, signal.SIG_DFL)
+        asked.append(number)
         raise Ended(number)
 
     for number in ours:
         signal.signal(number, end)
     try:
         yield
+    except KeyboardInterrupt as error:
+        if not asked or isinstance(error, Ended):
+            raise
+        ended = Ended(asked[0])
+        for note in getattr(error, "__notes__", ()):
+            ended.add_note(note)
+        raise ended from error
     finally:
         for number in ours:
             signal.signal(number, signal.SIG_DFL)

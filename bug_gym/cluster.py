@@ -39,6 +39,8 @@ GLANCE = 2.0
 """How often the cores of the cluster are counted [s]; nodes come and go."""
 PATIENCE = 60.0
 """How long a cluster may be without any core [s]: one that grows on demand takes a while."""
+GRACE = 2.0
+"""Time that jobs have to end by themselves when nobody waits for them any more, before they are cancelled [s]."""
 REACHABLE = 5.0
 """Time in which the head of a cluster has to answer [s]."""
 EDITED = "BUG_GYM_EDITED"
@@ -54,9 +56,14 @@ class OtherSourceError(ValueError):
 
 
 class Cluster:
-    """The cores of the Ray cluster that this process is connected to, as workers; made by `connected`."""
+    """The cores of the Ray cluster that this process is connected to, as workers; made by `connected`.
 
-    def __init__(self) -> None:
+    Args:
+        lasts: whether the connection outlasts this: jobs that nobody waits for are cancelled then, else they end with it.
+    """
+
+    def __init__(self, *, lasts: bool = True) -> None:
+        self._lasts = lasts
         self._warm: set[str] = set()
         """Nodes on which a job has ended, so that what jobs compile lies on their disks."""
         self._cores = 0
@@ -123,8 +130,8 @@ class Cluster:
                     return
                 yield self._next(running)
         finally:
-            for asked in running:  # nobody waits for them any more
-                ray.cancel(asked, force=True)
+            if self._lasts and running:
+                _give_up(list(running))
 
     def _next(self, running: dict[ray.ObjectRef[Any], int]) -> tuple[int, Any]:
         """Wait for one of the running jobs, and take it out."""
@@ -147,6 +154,19 @@ class Cluster:
 
         nodes = ray.nodes()  # type: ignore[no-untyped-call]
         return {node["NodeID"] for node in nodes if node["Alive"] and node["Resources"].get("CPU", 0.0) >= 1.0}
+
+
+def _give_up(running: list[ray.ObjectRef[Any]]) -> None:
+    """Cancel the jobs that nobody waits for any more.
+
+    Ray 2.60 aborts the process that asks where the answer of a job comes in at the moment that it is cancelled ("Tried to
+    complete task that was not pending"). So short jobs are left to end, and what is cancelled has long to go.
+    """
+    import ray
+
+    _, still = ray.wait(running, num_returns=len(running), timeout=GRACE)
+    for asked in still:
+        ray.cancel(asked, force=True)
 
 
 def _do(source: str, path: Sequence[str], place: str, asked: bytes) -> Any:
@@ -210,7 +230,7 @@ def connected(address: str) -> Iterator[Cluster]:
         reason = str(error).strip().partition("\n")[0]
         raise ValueError(f"no cluster to be used at {shortened(address)}: {reason}") from None
     try:
-        yield Cluster()
+        yield Cluster(lasts=False)
     finally:
         ray.shutdown()
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -141,6 +141,34 @@ def test_a_job_that_ends_its_process_ends(cluster: Cluster, monkeypatch: pytest.
     monkeypatch.setattr(cluster_module, "RETRIES", 1)
     with pytest.raises(WorkerLostError, match="a job lost its process or node 2 times"):
         list(each(die, [0], cluster))
+
+
+def nap(seconds: float) -> float:
+    """A job that is as long as it is told."""
+    time.sleep(seconds)
+    return seconds
+
+
+@pytest.mark.parametrize(
+    ("lasts", "seconds", "grace", "count"), [(True, 600.0, 0.1, 3), (True, 0.1, 60.0, 0), (False, 0.5, 0.0, 0)]
+)
+def test_of_jobs_that_nobody_waits_for_long_ones_are_cancelled_where_the_connection_stays(
+    lasts: bool, seconds: float, grace: float, count: int, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cancel, cancelled = ray.cancel, []
+
+    def noted(asked: Any, *, force: bool) -> None:
+        cancelled.append(asked)
+        cancel(asked, force=force)
+
+    monkeypatch.setattr(ray, "cancel", noted)
+    monkeypatch.setattr(cluster_module, "GRACE", grace)
+    arriving = Cluster(lasts=lasts).each(nap, [0.0, 0.0, 0.0, *[seconds] * 40])
+    assert [next(arriving) for _ in range(3)] == [0.0] * 3  # one on each node, and one of the four that came then
+    assert isinstance(arriving, Generator)
+    arriving.close()
+    assert len(cancelled) == count
+    assert list(each(half, range(4), cluster, in_order=True)) == [0.0, 0.5, 1.0, 1.5]
 
 
 def test_a_node_of_another_source_is_refused(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:

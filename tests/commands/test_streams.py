@@ -187,6 +187,17 @@ def test_a_signal_ends_a_command_as_ctrl_c_does(name: str, code: int) -> None:
     assert (run.returncode, run.stdout, run.stderr) == (code, "", "bug-gym: interrupted\n")
 
 
+@POSIX
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129), ("SIGINT", 130)])
+def test_a_library_that_waits_may_raise_what_it_likes_for_a_signal(name: str, code: int) -> None:
+    waits = "try:\n        os.kill(os.getpid(), getattr(signal, sys.argv[1])); signal.pause()\n"
+    raises = "    except BaseException:\n        raise KeyboardInterrupt from None"  # as Ray's wait does
+    asked = "os.kill(os.getpid(), getattr(signal, sys.argv[1]))\n    signal.pause()"
+    program = WAITING.replace("BEFORE", AS_FROM_A_TERMINAL).replace(asked, waits + raises)
+    run = shell(f"{shlex.quote(sys.executable)} -c {shlex.quote(program)} {name}")
+    assert (run.returncode, run.stdout, run.stderr) == (code, "", "bug-gym: interrupted\n")
+
+
 IGNORING = WAITING.replace("signal.pause()", "print('goes on')").replace("BEFORE", "")
 
 
