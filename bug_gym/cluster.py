@@ -59,11 +59,14 @@ class Cluster:
     """The cores of the Ray cluster that this process is connected to, as workers; made by `connected`.
 
     Args:
-        lasts: whether the connection outlasts this: jobs that nobody waits for are cancelled then, else they end with it.
+        lasts: whether the connection outlasts this: jobs that nobody waits for are cancelled at once then, else they end with
+            it, or where more is asked.
     """
 
     def __init__(self, *, lasts: bool = True) -> None:
         self._lasts = lasts
+        self._left: list[ray.ObjectRef[Any]] = []
+        """Jobs that nobody waits for any more."""
         self._warm: set[str] = set()
         """Nodes on which a job has ended, so that what jobs compile lies on their disks."""
         self._cores = 0
@@ -116,6 +119,7 @@ class Cluster:
         running: dict[ray.ObjectRef[Any], int] = {}
         try:
             cold = self._nodes() - self._warm
+            self._give_up()
             for node, (number, job) in zip(sorted(cold), waiting, strict=False):
                 there = task.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=True))
                 running[there.remote(*given, written((function, job)))] = number
@@ -130,8 +134,9 @@ class Cluster:
                     return
                 yield self._next(running)
         finally:
-            if self._lasts and running:
-                _give_up(list(running))
+            self._left += running
+            if self._lasts:
+                self._give_up()
 
     def _next(self, running: dict[ray.ObjectRef[Any], int]) -> tuple[int, Any]:
         """Wait for one of the running jobs, and take it out."""
@@ -147,6 +152,21 @@ class Cluster:
             elif monotonic() > since + PATIENCE:
                 raise WorkerLostError(f"the cluster has had no core for {PATIENCE:.0f} s")
 
+    def _give_up(self) -> None:
+        """Cancel the jobs that nobody waits for any more.
+
+        Ray 2.60 aborts the process that asks where the answer of a job comes in at the moment that it is cancelled ("Tried to
+        complete task that was not pending"). So short jobs are left to end, and what is cancelled has long to go.
+        """
+        import ray
+
+        left, self._left = self._left, []
+        if not left:
+            return
+        _, still = ray.wait(left, num_returns=len(left), timeout=GRACE)
+        for asked in still:
+            ray.cancel(asked, force=True)
+
     @staticmethod
     def _nodes() -> set[str]:
         """The nodes that are there and have cores, by their numbers."""
@@ -154,19 +174,6 @@ class Cluster:
 
         nodes = ray.nodes()  # type: ignore[no-untyped-call]
         return {node["NodeID"] for node in nodes if node["Alive"] and node["Resources"].get("CPU", 0.0) >= 1.0}
-
-
-def _give_up(running: list[ray.ObjectRef[Any]]) -> None:
-    """Cancel the jobs that nobody waits for any more.
-
-    Ray 2.60 aborts the process that asks where the answer of a job comes in at the moment that it is cancelled ("Tried to
-    complete task that was not pending"). So short jobs are left to end, and what is cancelled has long to go.
-    """
-    import ray
-
-    _, still = ray.wait(running, num_returns=len(running), timeout=GRACE)
-    for asked in still:
-        ray.cancel(asked, force=True)
 
 
 def _do(source: str, path: Sequence[str], place: str, asked: bytes) -> Any:

@@ -7,9 +7,11 @@ with its last one for nobody.
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from bug_gym.checks import checked_count
@@ -83,8 +85,11 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_
         yield from map(function, jobs)
         return
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.backend import resource_tracker
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+    with _no_hangup():  # else a terminal that closes ends it first, and another one says that it knows nothing
+        resource_tracker.ensure_running()
     settings = {"initializer": begin_worker, "initargs": (os.getpid(), tuple(sys.path), edits())}
     with parallel_config(backend="loky", inner_max_num_threads=1, **settings):
         processes = min(workers, max(len(jobs), os.cpu_count() or 1))  # more would only wait
@@ -94,6 +99,19 @@ def each(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, *, in_
         except TerminatedWorkerError:
             reason = "a worker was ended from outside, as systems do that run out of memory"
             raise WorkerLostError(f"{reason}; with fewer than {workers} workers less is needed") from None
+
+
+@contextmanager
+def _no_hangup() -> Iterator[None]:
+    """Have processes that are started meanwhile not hear SIGHUP, where there is one; this one hears it after that."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def starred(function: Callable[..., R], arguments: Sequence[Any]) -> R:

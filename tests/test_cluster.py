@@ -171,6 +171,21 @@ def test_of_jobs_that_nobody_waits_for_long_ones_are_cancelled_where_the_connect
     assert list(each(half, range(4), cluster, in_order=True)) == [0.0, 0.5, 1.0, 1.5]
 
 
+def test_jobs_that_nobody_waits_for_keep_no_core_from_those_that_are_asked_then(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "GRACE", 0.1)
+    mine = Cluster(lasts=False)
+    arriving = mine.each(nap, [0.0, 0.0, 0.0, *[90.0] * 40])
+    assert [next(arriving) for _ in range(3)] == [0.0] * 3
+    time.sleep(3.0)  # both cores are taken
+    assert isinstance(arriving, Generator)
+    arriving.close()
+    began = time.monotonic()
+    assert list(each(half, range(4), mine, in_order=True)) == [0.0, 0.5, 1.0, 1.5]
+    assert time.monotonic() - began < 60.0
+
+
 def test_a_node_of_another_source_is_refused(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "source_digest", lambda: "another")
     with pytest.raises(OtherSourceError, match="has another source of bug_gym"):

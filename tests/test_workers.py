@@ -75,13 +75,17 @@ def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
-@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGHUP"])
-def test_no_process_is_left_of_an_evaluation_that_a_signal_ended(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "to_all"), [("SIGKILL", False), ("SIGTERM", False), ("SIGHUP", False), ("SIGTERM", True), ("SIGHUP", True)]
+)
+def test_no_process_is_left_of_an_evaluation_that_a_signal_ended(name: str, to_all: bool, tmp_path: Path) -> None:
     number = getattr(signal, name)
     process = started(tmp_path / "out")
     family = psutil.Process(process.pid).children(recursive=True)
     assert len(family) >= 2
     process.send_signal(number)
+    for child in family if to_all else ():  # as a terminal that closes and the queue of a cluster do
+        child.send_signal(number)
     _, said = process.communicate(timeout=30)
     assert until(lambda: not alive(family), 5.0), alive(family)
     if name == "SIGKILL":

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from bug_gym.agents.learning.checkpoints import CHECKPOINT
 from bug_gym.agents.learning.folder import CONFIG
 from bug_gym.agents.learning.settings import AnySettings
-from bug_gym.files import HOLDER, LOCK, one_writer, replaced_when_done
+from bug_gym.files import HOLDER, LOCK, replaced_when_done
 from bug_gym.workers import Workers, each
 
 
@@ -32,7 +32,10 @@ class Job(NamedTuple):
 
 
 def train_each(jobs: Sequence[Job], workers: Workers) -> Iterator[Job]:
-    """Have trainings done, and write what each leaves into its folder; yields them in order of arrival."""
+    """Have trainings done, and write what each leaves into its folder; yields them in order of arrival.
+
+    The folders, or one about them, are the caller's alone meanwhile (`one_writer`).
+    """
     for number, files in each(_train, list(enumerate(jobs)), workers):
         write_files(jobs[number].folder, files)
         yield jobs[number]
@@ -52,7 +55,6 @@ def _train(numbered: tuple[int, Job]) -> tuple[int, dict[str, bytes]]:
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write a model's files, the one last that says that it is whole."""
     folder.mkdir(parents=True, exist_ok=True)
-    with one_writer(folder):
-        for name in sorted(files, key=lambda name: (name == CONFIG, name)):
-            with replaced_when_done(folder / name) as partial:
-                partial.write_bytes(files[name])
+    for name in sorted(files, key=lambda name: (name == CONFIG, name)):
+        with replaced_when_done(folder / name) as partial:
+            partial.write_bytes(files[name])

@@ -11,7 +11,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
@@ -800,24 +800,32 @@ def each_seed(
     checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
     for seed in seeds:
         first_world(seed)  # the last one is found out before the first is trained
-    whole = out_path(out)
+    whole, is_elsewhere = out_path(out), are_several(workers)
     folders = folders_of(whole, seeds)
-    if len(seeds) > 1:
-        require_same(whole / "agent", settings, seeds)
-    missing = [(seed, folder) for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)]
-    for seed, folder in missing:
-        require_same(folder, settings, [seed])
-        require_to_go_on(folder, settings, is_elsewhere=are_several(workers))
-    if are_several(workers):
-        for _, folder in missing:
-            if folder.is_dir():
-                with one_writer(folder):
-                    keep_earlier_curve(folder)
-        for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
-            pass
-    else:
+    with ExitStack() as stack:
+        if len(seeds) > 1:
+            _hold(whole, stack)
+            require_same(whole / "agent", settings, seeds)
+        missing = [(seed, folder) for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)]
+        for _, folder in missing if is_elsewhere else ():  # who trains here holds its folder itself
+            _hold(folder, stack)
         for seed, folder in missing:
-            one(settings, folder, seed=seed)
-    for seed, folder in folders.items():
-        require_same(folder, settings, [seed])  # a worker that began late may have read other files
-    return gather(list(folders.values()), whole / "agent") if len(seeds) > 1 else whole
+            require_same(folder, settings, [seed])
+            require_to_go_on(folder, settings, is_elsewhere=is_elsewhere)
+        if is_elsewhere:
+            for _, folder in missing:
+                keep_earlier_curve(folder)
+            for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
+                pass
+        else:
+            for seed, folder in missing:
+                one(settings, folder, seed=seed)
+        for seed, folder in folders.items():
+            require_same(folder, settings, [seed])  # a worker that began late may have read other files
+        return gather(list(folders.values()), whole / "agent") if len(seeds) > 1 else whole
+
+
+def _hold(folder: Path, stack: ExitStack) -> None:
+    """Have a folder, which is made where it is missing, to this process for as long as a stack lasts."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stack.enter_context(one_writer(folder))

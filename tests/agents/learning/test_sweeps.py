@@ -6,7 +6,7 @@ import csv
 import json
 import shlex
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,32 @@ def test_a_training_in_another_process_leaves_the_same_model(tmp_path: Path) -> 
     assert (tmp_path / "there" / "seed-0" / WEIGHTS).stat().st_mtime_ns == before
     with pytest.raises(ValueError, match="is of another training"):
         train_seeds(load_settings("ppo_static", SHORT | {"gamma": 0.9}), tmp_path / "there", seeds=(0, 1), workers=2)
+
+
+class Meanwhile:
+    """Does jobs here, and before them something else."""
+
+    size = 2
+
+    def __init__(self, does: Callable[[], None]) -> None:
+        self._does = does
+
+    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any], *, in_order: bool = False) -> Iterator[Any]:
+        self._does()
+        yield from map(function, jobs)
+
+
+@pytest.mark.parametrize("seeds", [(0,), (0, 1)])
+def test_trainings_elsewhere_have_their_folder_alone(seeds: tuple[int, ...], tmp_path: Path) -> None:
+    settings, other = (load_settings("ppo_static", SHORT | {"gamma": gamma}) for gamma in (0.9, 0.95))
+
+    def another() -> None:
+        for workers in (1, 2):
+            with pytest.raises(ValueError, match="is in use: process"):
+                train_seeds(other, tmp_path, seeds=seeds, workers=workers)
+
+    best = train_seeds(settings, tmp_path, seeds=seeds, workers=Meanwhile(another))
+    assert json.loads((best / CONFIG).read_text())["settings"]["gamma"] == 0.9
 
 
 GRID: dict[str, Any] = {
