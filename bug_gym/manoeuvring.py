@@ -110,22 +110,36 @@ def begun(view: View, velocity: Velocity, radius: float) -> Turn | None:
     return Turn(view.position, view.heading + bearing, side, 1 if ahead >= back else -1, share, off - 0.5 * share)
 
 
-def gone_on(view: View, turn: Turn, radius: float) -> Turn | None:
-    """The same turn, or its next move; None: it is over, or nothing is free to either side."""
-    least = LEAST_MOVE * view.sensors.drive.least_bend
+def gone_on(view: View, turn: Turn, radius: float, room: float | None) -> Turn | None:
+    """The same turn, or its next move; None: it is over, or nothing is free to either side.
+
+    Args:
+        view: what it sees.
+        turn: which is under way.
+        radius: of the disc that must not meet anything [m].
+        room: what it keeps about the body where it cannot stop at once [m]; None: nothing is cut for that.
+    """
     to_turn = turn.to_turn(view)
     if turn.side and to_turn < ENDS:
         turn = replace(turn, side=0, direction=1 if turn.way(view) > 0.0 else -1)
-    free = _free(view, turn.side, turn.direction, radius)
+    goes = _goes(view, turn, radius, room)
     if turn.side == 0:
-        return turn if min(free, turn.direction * turn.way(view)) >= least else None
-    if free >= least and to_turn > turn.left + ENDS:
+        is_far = turn.direction * turn.way(view) >= LEAST_MOVE * view.sensors.drive.least_bend
+        return turn if goes and is_far else None
+    if goes and to_turn > turn.left + ENDS:
         return turn
-    if _free(view, turn.side, -turn.direction, radius) >= least:
-        turn = replace(turn, direction=-turn.direction)
-    elif free < least:
-        return None
-    return replace(turn, left=max(to_turn - turn.share, 0.0))
+    turn = replace(turn, left=max(to_turn - turn.share, 0.0))
+    back = replace(turn, direction=-turn.direction)
+    return next((move for move in (back, turn) if _goes(view, move, radius, room)), None)
+
+
+def _goes(view: View, turn: Turn, radius: float, room: float | None) -> bool:
+    """Whether a move's arc is free, and who stands is let begin it: what is cut for a robot's inertia may leave nothing."""
+    if _free(view, turn.side, turn.direction, radius) < LEAST_MOVE * view.sensors.drive.least_bend:
+        return False
+    if room is None or moving(view) or not needs_care(view.sensors):
+        return True
+    return stoppable_arc(view, _braked(view, turn.arc(view), radius), room) != (0.0, 0.0)
 
 
 def _circles(view: View, bearing: float) -> bool:

@@ -438,7 +438,7 @@ class ScriptedPolicy(ABC):
     def _is_asked(self, view: View, memory: Memory) -> bool:
         """Whether it says where to go now: it has no verdict, and no turn of several moves is under way."""
         if memory.turn is not None:
-            memory.turn = gone_on(view, memory.turn, braking_radius(self.sensors))
+            memory.turn = gone_on(view, memory.turn, braking_radius(self.sensors), self.room)
         return not memory.verdict and (memory.turn is None or self.looks_while_turning)
 
     def last_word(self, view: View, memory: Any, action: NDArray[Any]) -> NDArray[Any]:

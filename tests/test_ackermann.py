@@ -23,9 +23,9 @@ from bug_gym.evaluation import evaluate
 from bug_gym.geometry import F64
 from bug_gym.inertia import foreseen
 from bug_gym.kinematics import asked_velocity, differential_action, discrete_actions, steering
-from bug_gym.manoeuvring import begun, gone_on
+from bug_gym.manoeuvring import Turn, arc_action, begun, gone_on
 from bug_gym.navigation_env import NavigationEnv
-from bug_gym.policy import MisfitError
+from bug_gym.policy import MisfitError, braking_radius
 from bug_gym.robots_env import parallel_env
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
@@ -429,7 +429,8 @@ def test_a_turn_in_several_moves_ends_where_it_began(bearing: float, moves: int)
     for _ in range(200):
         view = View(simulation.world.observation[0, 0], sensors)
         wish = (math.cos(bearing), math.sin(bearing))
-        turn = begun(view, wish, sensors.radius + 0.02) if turn is None else gone_on(view, turn, sensors.radius + 0.02)
+        radius = sensors.radius + 0.02
+        turn = begun(view, wish, radius) if turn is None else gone_on(view, turn, radius, None)
         if turn is None:
             break
         speed, rate = turn.arc(view)
@@ -445,6 +446,30 @@ def test_a_turn_in_several_moves_ends_where_it_began(bearing: float, moves: int)
     assert 1 <= changes < moves + 2
     # A move swings by half its turn, so what is left beside its place is of the third order of it.
     assert math.hypot(x, y) < 0.15 and np.hypot(*np.array(way)[:, :2].T).max() < 0.5
+
+
+@pytest.mark.parametrize("beams", [60, 120, 360])
+@pytest.mark.parametrize("gap", np.linspace(0.03, 0.15, 13).tolist())
+def test_a_turn_goes_on_the_other_way_where_inertia_lets_no_move_begin(gap: float, beams: int) -> None:
+    """Before a wall, whose next point may lie between two beams: what its brake keeps is more than what bounds an arc."""
+    wall = [[0.2 + gap, -3.0], [1.0 + gap, -3.0], [1.0 + gap, 3.0], [0.2 + gap, 3.0]]
+    world = {"family": "explicit", "polygons": [wall], "start": [0, 0, 0.2], "goal": [-8, 8]}
+    simulation = Simulation(scenario({"max_acceleration": 0.5}, lidar={"beams": beams}, world=world))
+    simulation.reset(seeds=[0])
+    sensors, stands = Sensors.of(simulation.scenario), 0
+    radius, room = braking_radius(sensors), 0.02
+    turn: Turn | None
+    turn = Turn((0.0, 0.0), 1.6, 1, 1, 0.4, 1.2)
+    for _ in range(600):
+        view = View(simulation.world.observation[0, 0], sensors)
+        turn = gone_on(view, turn, radius, room)
+        if turn is None:
+            break
+        action = arc_action(view, (0.0, 1.0), None, radius, room, turn.arc(view))
+        simulation.step(action.astype(float)[None, None])
+        stands = stands + 1 if simulation.world.velocity[0, 0, 0] == 0.0 else 0
+        assert stands < 5, "it stands, and its move is kept"
+    assert turn is None and simulation.world.outcome[0, 0] == kernels.RUNNING
 
 
 def test_no_turn_begins_where_an_arc_ahead_does() -> None:

@@ -20,9 +20,15 @@ from bug_gym.geometry import F32
 from bug_gym.simulation import Simulation
 from bug_gym.spaces import ActionForm
 
+Came = tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+"""What `step_wait` of a part gives."""
+
 
 class JoinedVecEnv(ArrayVecEnv):
     """The rows of several flat NavigationVecEnvs, one env's after the other's.
+
+    Where a world of one of them finds no place for its next episodes, the step raises its ValueError as that env does, and
+    what came of the others waits with it: a further step hands over what came of the first, whatever its actions.
 
     Raises:
         ValueError: their observations differ in length, or their actions in kind.
@@ -34,6 +40,7 @@ class JoinedVecEnv(ArrayVecEnv):
         if len(shapes) != 2:
             raise ValueError(f"scenarios to train in together need the same observations and actions, got {shapes}")
         self.parts = list(parts)
+        self._came: dict[int, Came] = {}
         low = np.min([box.low for box in boxes if isinstance(box, gym.spaces.Box)], axis=0)
         high = np.max([box.high for box in boxes if isinstance(box, gym.spaces.Box)], axis=0)
         self.render_mode = None
@@ -53,6 +60,7 @@ class JoinedVecEnv(ArrayVecEnv):
         """Start an episode in each row; `reset_infos` tell what `set_options` asked for."""
         for part, end in zip(self.parts, self._ends.tolist(), strict=True):
             part.set_options(self._options[end - part.num_envs : end])
+        self._came.clear()
         observations = [part.reset() for part in self.parts]
         self.reset_infos = [info for part in self.parts for info in part.reset_infos]
         self._reset_seeds()
@@ -65,8 +73,21 @@ class JoinedVecEnv(ArrayVecEnv):
             part.step_async(some)
 
     def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Drive for one step in each row."""
-        came = [part.step_wait() for part in self.parts]
+        """Drive for one step in each row.
+
+        Raises:
+            ValueError: a world that ends finds no place for its next episodes; a further step hands over what came of this one.
+        """
+        refusal: ValueError | None = None
+        for number, part in enumerate(self.parts):
+            if number not in self._came:
+                try:
+                    self._came[number] = part.step_wait()
+                except ValueError as error:
+                    refusal = refusal or error
+        if refusal is not None:
+            raise refusal
+        came = [self._came.pop(number) for number in range(len(self.parts))]
         observation, reward, done = (np.concatenate([step[number] for step in came]) for number in range(3))
         return observation, reward, done, [info for step in came for info in step[3]]
 
@@ -76,6 +97,7 @@ class JoinedVecEnv(ArrayVecEnv):
 
     def restore(self, saved: Saved) -> None:
         """Go back to what `save` gave."""
+        self._came.clear()
         for part, state in zip(self.parts, saved["parts"], strict=True):
             part.restore(state)
 
@@ -90,7 +112,12 @@ class JoinedVecEnv(ArrayVecEnv):
         return [values[row] for row in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of every part."""
+        """Set an attribute of this env and of every part, as the rows share them all.
+
+        Raises:
+            ValueError: some rows only are meant.
+        """
+        super().set_attr(attr_name, value, indices)
         for part in self.parts:
             part.set_attr(attr_name, value)
 

@@ -53,7 +53,8 @@ class Scenario(Part):
     robots: Robots = Robots()
     """How many robots."""
     mission: Literal["all", "first"] = "all"
-    """Whether the mission ends when "all" robots' runs have ended, or for all with the "first" that arrives."""
+    """Whether the mission ends when "all" robots' runs have ended, or for all with the "first" that arrives. Who has arrived
+    stands in the way of others with the same goal: `goal.radius` says how many find room there."""
 
     _drawn_for: float | None = PrivateAttr(None)  # see `cut_off`; no value of a scenario, so no digest has it
 

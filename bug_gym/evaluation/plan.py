@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import logging
+import math
 import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -204,10 +205,10 @@ def _require_distinct(what: str, labels: Sequence[str], cure: str) -> None:
         raise ValueError(f"two {what} are called {shortened(twice[0])}: leave one out, or {cure}")
 
 
-def is_one_world(scenario: Scenario) -> bool:
-    """Whether every seed has the same still world and robot, as far as two seeds show: episodes then differ by noise alone."""
+def is_one_world(scenario: Scenario, seeds: Sequence[int]) -> bool:
+    """Whether each seed has the same still world and robot, as far as two of them show: episodes then differ by noise alone."""
     simulation = Simulation(scenario, 2)
-    simulation.reset(seeds=[0, 1])
+    simulation.reset(seeds=seeds[:2])
     one, other = (simulation.world.layout(row) for row in range(2))
     is_still = not one.movers and one.target is None
     return is_still and simulation.drawn(0) == simulation.drawn(1) and _are_alike(one, other)
@@ -217,6 +218,32 @@ def is_without_noise(scenario: Scenario) -> bool:
     """Whether the robot's scanner and odometry draw nothing."""
     lidar, odometry = scenario.lidar, scenario.odometry
     return not any((lidar.noise, lidar.dropout, odometry.translation_noise, odometry.rotation_noise))
+
+
+def room_at_goal(radius: float, reach: float) -> int:
+    """How many robots of a reach [m] find room within the radius [m] of a goal, whoever comes first and from wherever.
+
+    Who arrives stands on the rim, where no other centre comes within two reaches of it. Two centres as far apart are seen
+    from the goal at an angle of 2 asin(reach / radius), so that each takes up twice that of the rim.
+    """
+    return 1 if reach >= radius else math.ceil(math.pi / (2.0 * math.asin(reach / radius)))
+
+
+def crowded_goal(scenario: Scenario, seed: int) -> str:
+    """What to say where more robots have to arrive at one still goal than are sure to find room there, else ""."""
+    if scenario.robots.count == 1 or scenario.mission == "first":
+        return ""
+    simulation = Simulation(scenario)
+    simulation.reset(seeds=[seed])
+    layout = simulation.world.layout(0)
+    sharing = scenario.robots.count
+    if len(layout.goals) > 1:
+        sharing = int(np.unique(layout.goals, axis=0, return_counts=True)[1].max())
+    room = room_at_goal(scenario.goal.radius, scenario.robot.reach)
+    if sharing <= room or layout.target is not None:
+        return ""
+    told = f"{sharing} robots go to one goal, within {scenario.goal.radius:g} m of which {room} of them are sure to find room"
+    return f"{told} (others: a larger goal.radius, goals of their own, mission: first)"
 
 
 def _are_alike(one: Layout, other: Layout) -> bool:
@@ -240,12 +267,14 @@ def _try_out(
     labelled = list(entries)
     left_out = {}
     for scenario in scenarios:
-        if len(scenario.seeds) > 1 and is_one_world(scenario.scenario):
+        if len(scenario.seeds) > 1 and is_one_world(scenario.scenario, scenario.seeds):
             if is_without_noise(scenario.scenario):
                 told = "and nothing is drawn: who decides without chance drives one episode again and again, so ask for one"
             else:
                 told = "episodes differ by noise alone"
             warn_once(f"{scenario.label}: every seed has the same world, {told}")
+        if told := crowded_goal(scenario.scenario, scenario.seeds[0]):
+            warn_once(f"{scenario.label}: {told}")
         misfits = []
         for number, entry in enumerate(entries):
             try:

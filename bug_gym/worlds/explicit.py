@@ -84,13 +84,23 @@ class ExplicitWorld(Family):
         if (self.goal is None) == (self.target is None):
             raise wrong("expected one of goal and target, got " + ("none" if self.goal is None else "both"), "goal")
         for index, mover in enumerate(self.movers):
-            if Family.obstruction(self, ((*mover.at, mover.shape.circle or 0.0),)):
-                raise wrong(f"got {list(mover.at)}, expected a place in {list(self.box)}", f"movers.{index}.at")
+            if not self._holds_mover(mover):
+                reason = (
+                    f"got {list(mover.at)}, expected a place in {list(self.box)} at which it reaches over no border"
+                )
+                raise wrong(reason, f"movers.{index}.at")
             self.check_motion(mover.motion, f"movers.{index}.motion")
         self._check_walled_in()
         self.check_start(self.start, robot)
         self.check_goal(self.goal)
         self.check_target(self.target)
+
+    def _holds_mover(self, mover: Mover) -> bool:
+        """Whether all of a mover lies within the border as it begins."""
+        (x, y), polygon = mover.at, mover.shape.polygon
+        corners = () if polygon is None else tuple((x + along_x, y + along_y) for along_x, along_y in polygon.shell)
+        # 1e-9: what touches when it starts is free, whatever the rounding
+        return self.holds(x, y, mover.shape.circle or 0.0) and (not corners or self.holds_polygon(corners, 1e-9))
 
     def _check_walled_in(self) -> None:
         """No mover that still obstacles turn back begins inside a polygon: its edges would keep it in there, unseen."""

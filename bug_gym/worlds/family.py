@@ -101,12 +101,15 @@ class Family(Part):
 
     def holds_box(self, box: tuple[float, float, float, float]) -> bool:
         """Whether a rectangle xmin, ymin, xmax, ymax [m] lies within the border."""
-        corners = _rectangle(*box)
+        return self.holds_polygon(_rectangle(*box))
+
+    def holds_polygon(self, corners: tuple[tuple[float, float], ...], slack: float = 0.0) -> bool:
+        """Whether a polygon, corners x, y, reaches over the border nowhere by more than `slack` [m]."""
         if self.corners == _rectangle(*self.box):
-            return all(self.holds(*corner) for corner in corners)
+            return all(self.holds(*corner, -slack) for corner in corners)
         import shapely  # slow to load, and most scenarios need none
 
-        return bool(shapely.Polygon(self.corners).covers(shapely.Polygon(corners)))
+        return bool(shapely.Polygon(self.corners).buffer(slack).covers(shapely.Polygon(corners)))
 
     def data_files(self) -> tuple[Path, ...]:
         """The files that its worlds are read from."""

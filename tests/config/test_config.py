@@ -50,6 +50,8 @@ MAP_FILE = "plan.yaml"
 RECORDING_FILE = "walk.csv"
 
 SQUARE = [[4, -2], [5, -2], [5, 2], [4, 2]]
+BOX = [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+CRATE = {"shape": {"polygon": BOX}, "motion": {"law": "bounce", "speed": 1}}
 
 # One scenario of each family, every key of the family set to something else than its default.
 FAMILY_EXAMPLES: dict[str, dict[str, Any]] = {
@@ -930,6 +932,16 @@ def test_an_unknown_word_names_the_nearest_known_one(source: dict[str, Any], key
             "expected none: a polygon that moves is solid",
         ),
         (mover({"law": "bounce", "speed": 1}, at=[0, 9.8]), "world.movers.0.at", "expected a place in"),
+        (
+            mover({"law": "waypoints", "points": [[0, 3]], "speed": 1}, at=[0, 9.5], shape={"polygon": BOX}),
+            "world.movers.0.at",
+            "reaches over no border",
+        ),
+        (
+            explicit(bounds=[[-10, -10], [10, -10], [0, 10]], movers=[{**CRATE, "at": [4, 0]}]),
+            "world.movers.0.at",
+            "reaches over no border",
+        ),
         (mover({"law": "bounce", "speed": 1}, at=[0, 0.4]), "world.start", "in its way: movers.0"),
         (walled_in({"law": "bounce", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
         (walled_in({"law": "random_walk", "speed": 1}), "world.movers.0.at", "expected a place outside of polygons.0"),
@@ -961,6 +973,18 @@ def test_a_fault_names_its_key_what_came_and_what_is_allowed(source: dict[str, A
     told = message(source)
     assert told.startswith(f"scenario: {key}: ")
     assert allowed in told
+
+
+def test_a_polygon_that_moves_may_begin_along_the_border() -> None:
+    load(explicit(bounds=[-10, -0.3, 10, 9], start=[0, 5, 0], goal=[3, 5], movers=[{**CRATE, "at": [0, 0.7]}]))
+    load(
+        explicit(
+            bounds=[[-10, -10], [10, -10], [0, 10]], start=[0, 0, 0], goal=[1, 0], movers=[{**CRATE, "at": [3, -9]}]
+        )
+    )
+    thirds = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]
+    crate = {**CRATE, "shape": {"polygon": thirds}, "at": [0, 0.1]}  # 0.1 + 0.2 > 0.3 in binary fractions
+    load(explicit(bounds=[-10, -9, 10, 0.3], start=[0, -5, 0], goal=[3, -5], movers=[crate]))
 
 
 def test_a_mover_may_begin_in_a_polygon_that_lets_it_out_again() -> None:

@@ -1,6 +1,7 @@
 """Evaluation: rows against plain loops and closed forms, suites, result folders that go on after a kill."""
 
 import json
+import math
 import subprocess
 import sys
 import time
@@ -20,12 +21,14 @@ from bug_gym.config import dump, load, scenario_names
 from bug_gym.evaluation import evaluate, make_plan, rollout, work
 from bug_gym.evaluation.entries import PolicyEntry, ScenarioEntry
 from bug_gym.evaluation.pictures import typical
+from bug_gym.evaluation.plan import room_at_goal
 from bug_gym.evaluation.rollout import Rollout
 from bug_gym.evaluation.rows import EpisodeRow
 from bug_gym.evaluation.suites import load_suite, suite_names
 from bug_gym.evaluation.summary import OVERALL
 from bug_gym.evaluation.teams import team_rows
 from bug_gym.policy import Memory, ScriptedPolicy, Velocity
+from bug_gym.simulation import Simulation
 from bug_gym.view import Sensors, View
 
 OPEN = {"name": "open", "world": {"family": "empty", "start": [0, 0, 0], "goal": [8, 0]}, "lidar": {"beams": 8}}
@@ -862,6 +865,64 @@ def test_who_evaluates_one_world_many_times_is_told(
     caplog.clear()
     make_plan("go_to_goal", scenario, episodes=1, overrides=overrides)
     assert "every seed" not in caplog.text
+
+
+def test_worlds_that_nobody_asks_for_need_no_place() -> None:
+    field = {"family": "field", "bounds": [-6, -6, 6, 6], "sizes": [0.4, 0.9], "separation": 6.0, "solvable": 0.3}
+    tight = load({"name": "tight", "world": {**field, "obstacles": 29}})
+
+    def finds_place(seed: int) -> bool:
+        try:
+            Simulation(tight).reset(seeds=[seed])
+        except ValueError:
+            return False
+        return True
+
+    has_place = [finds_place(seed) for seed in range(40)]
+    assert not (has_place[0] and has_place[1])
+    seed = next(seed for seed in range(2, 39) if has_place[seed] and has_place[seed + 1])
+    assert make_plan("go_to_goal", tight, episodes=2, seed=seed).scenarios[0].seeds == range(seed, seed + 2)
+
+
+@pytest.mark.parametrize(("count", "radius"), [(2, 0.21), (3, 0.41), (6, 1.01), (9, 1.61)])
+def test_robots_find_room_at_a_goal_whose_radius_is_above_all_bodies_but_one(count: int, radius: float) -> None:
+    assert room_at_goal(radius, 0.2) >= count
+
+
+@pytest.mark.parametrize("share", [0.99, 0.9, 0.7, 0.5, 0.3, 0.05])
+def test_whoever_has_come_first_leaves_room_at_a_goal(share: float) -> None:
+    """Bodies on the rim about a goal, each as far from the others as leaves as little as can be to who comes next."""
+    room, taken = room_at_goal(1.0, share), 2.0 * math.asin(share)
+    assert (room - 1) * 2.0 * taken < 2.0 * math.pi <= room * 2.0 * taken
+
+
+@pytest.mark.parametrize(
+    ("count", "changes", "told"),
+    [
+        (3, {}, False),
+        (4, {}, True),
+        (2, {"robot.radius": 0.4}, True),
+        (4, {"robot.radius": 0.05}, False),
+        (4, {"mission": "first"}, False),
+        (4, {"goal.radius": 0.7}, False),
+        (4, {"world.goal": None, "world.target": {"at": [8, 0], "motion": {"law": "bounce", "speed": 0.1}}}, False),
+    ],
+)
+def test_who_sends_more_robots_to_a_goal_than_find_room_is_told(
+    count: int,
+    changes: dict[str, Any],
+    told: bool,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("bug_gym.log.told", set())
+    world = {"family": "empty", "start": [-4, 0, 0], "goal": [8, 0]}
+    scenario = load({"name": "crew", "world": world, "robots": {"count": count}}, changes)
+    make_plan("go_to_goal", scenario, episodes=1)
+    assert (f"{count} robots go to one goal" in caplog.text) == told
+    caplog.clear()
+    make_plan("go_to_goal", "circle_swap", episodes=1, overrides={"robots.count": 8})
+    assert "go to one goal" not in caplog.text
 
 
 def test_who_evaluates_one_world_again_and_again_is_told_once(

@@ -14,10 +14,11 @@ from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3 import PPO
 
 import bug_gym
+from bug_gym.agents import sb3
 from bug_gym.agents.learning.settings import load_settings
 from bug_gym.agents.learning.training import InTraining, make_training_env, robot_of
 from bug_gym.agents.learning.vec_envs import JoinedVecEnv
-from bug_gym.agents.sb3 import RobotsVecEnv, make_robots_vec_env
+from bug_gym.agents.sb3 import NavigationVecEnv, RobotsVecEnv, make_robots_vec_env, make_vec_env
 from bug_gym.config import load
 from bug_gym.held_out import play
 
@@ -210,6 +211,74 @@ def test_parts_are_joined_row_after_row() -> None:
     assert [part.simulation.world.seed.tolist() for part in parts] == [[3], [5, 6]]
     *_, done, infos = joined.step(np.tile(np.array(AHEAD, dtype=np.float32), (6, 1)))
     assert done.shape == (6,) and len(infos) == 6
+
+
+def lasting(seconds: float, **world: Any) -> NavigationVecEnv:
+    """Two worlds with episodes of so many seconds, of a world in which a robot that stands meets nothing."""
+    field = {"family": "field", "obstacles": 3, "bounds": [-6, -6, 6, 6], "separation": 6.0, **world}
+    return make_vec_env({"world": field, "time": {"limit": seconds}}, 2, observation="flat")
+
+
+def test_a_part_that_finds_no_place_costs_the_others_no_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sb3, "TRIES", 1)
+    joined = JoinedVecEnv([lasting(0.3), lasting(0.4), lasting(0.5)])
+    alone = [lasting(0.3), lasting(0.4), lasting(0.5)]
+    joined.seed(7)
+    for part, number in zip(alone, (7, 9, 11), strict=True):
+        part.seed(number)
+    np.testing.assert_array_equal(joined.reset(), np.concatenate([part.reset() for part in alone]))
+    rng, refused = np.random.default_rng(0), 0
+    for _ in range(12):
+        actions = rng.uniform(-1.0, 1.0, (6, 2)).astype(np.float32)
+        expected = [part.step(some) for part, some in zip(alone, np.split(actions, 3), strict=True)]
+        if any(step[2].any() for step in expected[1:]):
+            with monkeypatch.context() as patched:  # the second and the third have no place for what comes next
+                for late in joined.parts[1:]:
+                    patched.setattr(late, "_refusal", lambda worlds: ValueError("no place") if len(worlds) else None)
+                with pytest.raises(ValueError, match="no place"):
+                    joined.step(actions)
+                with pytest.raises(ValueError, match="no place"):
+                    joined.step(-actions)
+            refused += 1
+            actions = -actions
+        observation, reward, done, infos = joined.step(actions)
+        np.testing.assert_array_equal(observation, np.concatenate([step[0] for step in expected]))
+        np.testing.assert_array_equal(reward, np.concatenate([step[1] for step in expected]))
+        np.testing.assert_array_equal(done, np.concatenate([step[2] for step in expected]))
+        assert [info.get("episode", {}).get("r") for info in infos] == [
+            info.get("episode", {}).get("r") for step in expected for info in step[3]
+        ]
+    assert refused > 3
+
+
+def test_a_reset_of_joined_parts_drops_the_step_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sb3, "TRIES", 1)
+    joined, fresh = (JoinedVecEnv([lasting(0.3), lasting(0.1)]) for _ in range(2))
+    for made in (joined, fresh):
+        made.seed(0)
+        made.reset()
+    saved = joined.save()
+    actions = np.ones((4, 2), dtype=np.float32)
+    for start_over in (lambda: joined.restore(saved), lambda: (joined.seed(0), joined.reset())):
+        with monkeypatch.context() as patched:
+            patched.setattr(joined.parts[1], "_refusal", lambda worlds: ValueError("no place"))
+            with pytest.raises(ValueError, match="no place"):
+                joined.step(actions)
+        start_over()
+        fresh.seed(0)
+        fresh.reset()
+        for one, other in zip(joined.step(actions)[:3], fresh.step(actions)[:3], strict=True):
+            np.testing.assert_array_equal(one, other)
+        joined.seed(0)
+        joined.reset()
+
+
+def test_attributes_of_joined_parts_are_set_for_all_rows_or_for_none() -> None:
+    joined = JoinedVecEnv([lasting(0.3), lasting(0.3)])
+    with pytest.raises(ValueError, match="the rows share 'difficulty'"):
+        joined.set_attr("difficulty", 3, indices=[0])
+    joined.set_attr("difficulty", 3)
+    assert joined.get_attr("difficulty", [0, 3]) == [3, 3]
 
 
 def test_one_policy_drives_all_robots_in_training_and_in_an_evaluation() -> None:
