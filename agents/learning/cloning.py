@@ -1,8 +1,9 @@
 """Behaviour cloning: do what was recorded, by supervision (Pomerleau 1991).
 
 A Gaussian's mean is fitted to the actions by maximum likelihood. Filtered cloning keeps the episodes of the highest returns
-only (the "%BC" of Chen et al. 2021, section 5), which needs rewards but no critic. PPO's value is fitted beside it to the
-returns that followed, for a PPO training that begins with the clone.
+only (the "%BC" of Chen et al. 2021, section 5), which needs rewards but no critic. PPO's value is fitted beside it, for a PPO
+training that begins with the clone: to the rewards up to the end of the episode and, where that was cut off and would have gone
+on, what the value itself makes of its last observation, as PPO has it there.
 """
 
 from __future__ import annotations
@@ -26,16 +27,19 @@ class Cloning:
 
     Args:
         actor: what learns.
+        gamma: discount of a step.
         worth: of discrete actions: what an answer is worth to each (A, A), see `near_moves`; None: to itself alone.
     """
 
-    def __init__(self, actor: ActorCriticPolicy, worth: torch.Tensor | None = None) -> None:
-        self.actor, self.worth = actor, worth
+    def __init__(self, actor: ActorCriticPolicy, gamma: float, worth: torch.Tensor | None = None) -> None:
+        self.actor, self.gamma, self.worth = actor, gamma, worth
         self.optimizers = [torch.optim.Adam([*actor_parameters(actor), *value_parameters(actor)])]
 
     def update(self, batch: Batch) -> None:
         """One gradient step."""
-        error = (value(self.actor, batch.features) - batch.returns).square().mean()
+        with torch.no_grad():
+            target = batch.rewards + self.gamma * batch.goes_on * value(self.actor, batch.following)
+        error = (value(self.actor, batch.features) - target).square().mean()
         descend(self.optimizers[0], self._error(batch) + error)
 
     def _error(self, batch: Batch) -> torch.Tensor:

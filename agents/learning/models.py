@@ -244,6 +244,8 @@ def card(record: Mapping[str, Any]) -> str:
     scenarios = ", ".join(str(scenario) for scenario in settings["scenarios"])
     memory = f"a history of {record['history']} steps ago" if record["history"] else "none"
     robot = record["robot"]
+    is_own = record["name"] not in training_names()
+    said = f"; what {record['name']}.yaml and `--set` said is `settings` in {CONFIG}" if is_own else ""
     lines = [
         f"# {record['name']}",
         "",
@@ -253,7 +255,8 @@ def card(record: Mapping[str, Any]) -> str:
         f"- Algorithm: {_algorithm(record)}, "
         f"layers {settings['policy_kwargs']['net_arch']}, ranges encoded as {settings['encoding']}, memory: {memory}, "
         f"begun from {settings['start_from'] or 'scratch'}",
-        f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation",
+        f"- Made again by `{command(record)}`; the model here is of seed {record['seed']}, which did best in its validation"
+        f"{said}",
         f"- Machine: {made_on['cpu']}, {made_on['threads']} thread(s), torch {made_on['torch']}",
         *_own_lines(record),
         *_learnt_from(record),

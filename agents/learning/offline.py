@@ -89,7 +89,7 @@ class Samples:
         """Take in some episodes."""
         scaled = self._settings.reward_scale
         features = self._encoded(episodes.with_history(self._robot, self._settings.history))
-        steps = self._settings.n_steps if isinstance(self._settings, CriticSettings) else 1
+        steps = self._settings.n_steps if isinstance(self._settings, CriticSettings) else int(episodes.steps.max())
         rewards, following, worth = episodes.summed(steps, self._settings.gamma)
         self._parts.append(
             Batch(
@@ -98,7 +98,6 @@ class Samples:
                 _tensor(scaled * rewards),
                 features[torch.from_numpy(following)],
                 _tensor(worth),
-                _tensor(scaled * episodes.returns(self._settings.gamma)),
             )
         )
         self._all = Batch(*(torch.cat(parts) for parts in zip(*self._parts, strict=True)))
@@ -138,7 +137,8 @@ def make_learner(settings: AnyOffline, actor: ActorCriticPolicy) -> Learner:
     if isinstance(settings, TD3BCSettings):
         return TD3BC(actor, settings)
     worth = _worth_of(settings)
-    return Cloning(actor) if worth is None else WithDriver(Cloning(actor, worth), Cloning(copy.deepcopy(actor)))
+    kept = Cloning(actor, settings.gamma, worth)
+    return kept if worth is None else WithDriver(kept, Cloning(copy.deepcopy(actor), settings.gamma))
 
 
 def _worth_of(settings: AnyOffline) -> torch.Tensor | None:

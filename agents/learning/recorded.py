@@ -52,15 +52,6 @@ class Recorded:
         """Undiscounted sum of the rewards of each episode (n,)."""
         return np.add.reduceat(self.rewards, self.ends - self.steps)
 
-    def returns(self, gamma: float) -> F64:
-        """Discounted sum of the rewards from each step (T,) to the end of its episode."""
-        found = np.empty_like(self.rewards)
-        value, first = 0.0, set((self.ends - 1).tolist())
-        for step in range(len(found) - 1, -1, -1):
-            value = float(self.rewards[step]) + (0.0 if step in first else gamma * value)
-            found[step] = value
-        return found
-
     def summed(self, steps: int, gamma: float) -> tuple[F64, NDArray[np.int64], F64]:
         """What came of each step (T,) and those after it, at most `steps` in all and no further than its episode.
 

@@ -39,8 +39,6 @@ class Batch(NamedTuple):
     """Features of what came of it, or of those steps (b, F)."""
     goes_on: torch.Tensor
     """What `following` counts for (b,), beside the discount of one step: 0 where the episode terminated, 1 after one step."""
-    returns: torch.Tensor
-    """Discounted sum of the scaled rewards from here on (b,)."""
 
 
 class Learner(Protocol):

@@ -478,7 +478,7 @@ def load_settings(
     Args:
         source: a name from `training_names()`, the path of a YAML file, or a mapping that says the same.
         overrides: values by key that replace the file's; `overrides` replaces all of the training's own, a key below it
-            such as `overrides.world.obstacles` that one alone.
+            such as `overrides.world.obstacles` that one alone, as `policy_kwargs.net_arch` does below `policy_kwargs`.
         trust: whether code that its scenarios name may be imported, which runs the code of their modules, and whether it may
             name policies that are code.
 
@@ -486,7 +486,7 @@ def load_settings(
         ScenarioError: where something is unknown, missing or not allowed.
     """
     label, data = _read(source)
-    data = _changed(data, overrides or {})
+    data = _changed(label, data, overrides or {})
     algo = data.get("algo")
     if algo is None:
         raise ScenarioError(f"{label}: algo: missing, expected one of {', '.join(map(repr, ALGORITHMS))}")
@@ -521,16 +521,21 @@ def policies_of_code(settings: Mapping[str, Any]) -> list[str]:
     return [policy for policy, spec in specs if is_reference(spec.name) or "trust" in spec.options]
 
 
-BELOW = "overrides."
-"""How a key begins that stands for one of a training's `overrides`."""
+def _changed(label: str, data: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """The data of a training with other values; one below a key, such as `policy_kwargs.net_arch`, is added to its own.
 
-
-def _changed(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """The data of a training with other values; those below `overrides` are added to its own."""
-    below = {key.removeprefix(BELOW): value for key, value in overrides.items() if key.startswith(BELOW)}
-    changed = {**data, **{key: value for key, value in overrides.items() if not key.startswith(BELOW)}}
-    own = changed.get("overrides", {})
-    return changed | {"overrides": {**own, **below}} if below and isinstance(own, Mapping) else changed
+    Raises:
+        ScenarioError: it is below a key that has no keys.
+    """
+    changed = {**data, **{key: value for key, value in overrides.items() if "." not in key}}
+    for key, value in overrides.items():
+        part, dot, below = key.partition(".")
+        if dot:
+            own = changed.get(part, {})
+            if not isinstance(own, Mapping):
+                raise ScenarioError(f"{label}: {part}: got {shortened(own)}, expected keys and values, as {key} is one")
+            changed[part] = {**own, below: value}
+    return changed
 
 
 def read_curriculum(source: str | Path) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bug_gym.commands.arguments import told_path
@@ -34,7 +35,7 @@ def run(options: argparse.Namespace) -> None:
     from bug_gym.evaluation.two_folders import change_table, compare_folders, write_comparison  # loads the compiler
 
     if options.out:
-        writable(options.out)
+        _require_outside(writable(options.out), (options.old, options.new))
 
     comparison = compare_folders(options.old, options.new)
     if options.out:
@@ -51,6 +52,13 @@ def run(options: argparse.Namespace) -> None:
         print(f"to see one: {RENDER_ONE}")
     if options.out:
         print(f"all differences, and each world lost and won: {options.out}")
+
+
+def _require_outside(file: Path, folders: Sequence[Path]) -> None:
+    """Raise a ValueError where a file would lie in one of some folders, perhaps in the place of one of theirs."""
+    for folder in folders:
+        if file.resolve().is_relative_to(folder.resolve()):
+            raise ValueError(f"--out: {file} lies in the results folder {folder}, expected a file outside of both")
 
 
 def _told_seeds(changes: Sequence[Change]) -> list[str]:

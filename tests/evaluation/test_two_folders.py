@@ -234,6 +234,19 @@ def test_a_folder_at_home_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert compare_folders("~/out", "~/out").changes[0].same == 1
 
 
+def test_a_comparison_is_not_written_into_what_it_compares(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("before", "after"):
+        evaluate("bug2", WORLD, episodes=1, out=tmp_path / name)
+    (tmp_path / "link").symlink_to(tmp_path / "before")
+    folders = [str(tmp_path / name) for name in ("before", "after")]
+    there = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    for out in (f"before/{MANIFEST}", f"after/{ROWS}", f"link/{MANIFEST}", "after/compared.json"):
+        assert main(["compare", *folders, "--out", str(tmp_path / out)]) == 2
+        assert "expected a file outside of both" in capsys.readouterr().err
+    assert there == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert main(["compare", *folders, "--out", str(tmp_path / "before.json")]) == 0
+
+
 def test_what_is_no_results_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "empty").mkdir()
     for name in ("nowhere", "empty"):

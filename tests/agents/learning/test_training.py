@@ -457,6 +457,21 @@ def test_the_command_on_a_card_makes_the_model_again(tmp_path: Path, monkeypatch
     assert read_config(Path("again"))["seed"] == 5 and same_weights(Path("first"), Path("again"))
 
 
+def test_of_a_file_of_ones_own_a_card_says_where_the_settings_are_that_its_command_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tiny_file(tmp_path)
+    assert main(["train", "tiny.yaml", "--set", "policy_kwargs.net_arch=[5]", "--threads", "1", "--out", "first"]) == 0
+    card = Path("first", "card.md").read_text(encoding="utf-8")
+    told = re.search("Made again by `(.*)`;.*; what (.*) and `--set` said is `(.*)` in (.*)", card)
+    assert told is not None
+    settings = json.loads(Path("first", told[4]).read_text(encoding="utf-8"))[told[3]]
+    Path(told[2]).write_text(json.dumps(settings), encoding="utf-8")
+    assert main([*shlex.split(told[1])[1:], "--out", "again"]) == 0
+    assert same_weights(Path("first"), Path("again"))
+
+
 @pytest.mark.parametrize("changes", [{}, {"history": [], "gamma": 0.9}, {"start_from": "./o'neil's model"}])
 def test_the_command_on_a_card_gives_the_settings_that_were_trained(changes: dict[str, Any]) -> None:
     settings = load_settings("ppo_rush", changes)
@@ -512,6 +527,18 @@ def test_a_value_below_overrides_is_added_to_those_of_the_training(
     settings = load_settings(training, changes)
     assert settings.overrides == own and settings.loaded[0].time.limit == own["time.limit"]
     assert training["overrides"] == {"reward.goal": 5.0, "time.limit": 3.0}
+
+
+def test_so_is_a_value_below_any_key_that_has_keys() -> None:
+    of_network = {"policy_kwargs": {"net_arch": [8], "activation_fn": "tanh"}}
+    settings = load_settings(TINY | of_network, {"policy_kwargs.net_arch": [32, 16]})
+    assert (settings.policy_kwargs.net_arch, settings.policy_kwargs.activation_fn) == ((32, 16), "tanh")
+    cloning: Any = load_settings("bc_hd_bug", {"data.episodes": 3})
+    assert (cloning.data.policies, cloning.data.episodes) == (("hd_bug",), 3)
+    with pytest.raises(ScenarioError, match="policy_kwargs.net_arc: unknown key, did you mean 'net_arch'"):
+        load_settings(TINY, {"policy_kwargs.net_arc": [8]})
+    with pytest.raises(ScenarioError, match="n_steps: got 8, expected keys and values, as n_steps.more is one"):
+        load_settings(TINY | {"n_steps": 8}, {"n_steps.more": 3})
 
 
 def test_below_overrides_that_are_none_nothing_is_added() -> None:
