@@ -31,6 +31,8 @@ class HDBugMapMemory(Memory):
     """The planned path: from the robot to the goal, odometry frame [m]."""
     turns: Turns | None = None
     """What leads a long body through where it has to turn; None elsewhere."""
+    backs_out: bool = False
+    """Whether a long body goes straight back to where it can turn, as no poses lead on."""
     ladder: Ladder = field(default_factory=Ladder)
     steps: int = 0
     """Decisions so far."""

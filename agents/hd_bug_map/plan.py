@@ -10,9 +10,9 @@ from bug_gym.agents.hd_bug_map.aim import HALF_CELL
 from bug_gym.agents.hd_bug_map.memory import HDBugMapMemory
 from bug_gym.agents.hd_bug_map.parameters import Measures
 from bug_gym.agents.hd_bug_map.perceive import Scene
-from bug_gym.agents.hd_bug_map.poses import Turns, find_poses
+from bug_gym.agents.hd_bug_map.poses import Turns, find_poses, is_open
 from bug_gym.agents.mapping.way import Way
-from bug_gym.policy import Velocity
+from bug_gym.policy import Velocity, braking_radius
 
 CONFIRM = 5
 """Where there was no way, every how many decisions one is looked for again."""
@@ -66,27 +66,52 @@ class Planner:
     def _find_way(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """A new path: to where the goal can be met, else to the goal, else over poses, else at the least clearance.
 
-        Poses are planned with ways ahead alone, and begin where the body may be too near to something to turn.
+        Poses are planned with ways ahead alone. Where a long body cannot turn on the spot, as on its way through poses, they
+        are the only way: driven as a disc it would turn into what is beside it.
         """
         view, grid = scene.view, scene.grid
         position, goal = view.position, view.goal_position
         memory.planned_at, memory.removed_then, memory.revised_then = memory.steps, grid.removed, grid.revised
+        if memory.body_map is not None and self._is_cramped(scene):
+            found = self._find_poses(scene, memory)
+            if found is not None or self.can_back_out(scene, memory):
+                return found
         radius = max(memory.goal_radius, 0.5 * self.measures.cell)
         found = grid.find_way(position, memory.goal, radius)
         if found is None and memory.goal != goal:
             found = grid.find_way(position, goal, radius)
+        if found is None:
+            found = self._find_poses(scene, memory)
         if found is not None:
             return found
-        if memory.body_map is not None:
-            near = max(memory.goal_radius, memory.body_map.cells.size)
-            poses = find_poses(memory.body_map, self.measures.footprint, view.pose, memory.goal, near)
-            memory.turns = None if poses is None else Turns(poses, memory.body_map, memory.steps)
-            if memory.turns is not None:
-                return memory.turns.way
         if grid.cells.clearance > self.measures.tight:
             grid.set_clearance(self.measures.tight)
             found = grid.find_way(position, goal, radius)
         return self._find_way_to_wall(scene, memory) if found is None else found
+
+    def _find_poses(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
+        """The way of the poses that lead a long body on; None for a round one, and where there are none."""
+        if memory.body_map is None:
+            return None
+        near = max(memory.goal_radius, memory.body_map.cells.size)
+        poses = find_poses(memory.body_map, self.measures.footprint, scene.view.pose, memory.goal, near)
+        memory.turns = None if poses is None else Turns(poses, memory.body_map, memory.steps)
+        return None if memory.turns is None else memory.turns.way
+
+    def _is_cramped(self, scene: Scene) -> bool:
+        """Whether what is seen or remembered lies so near to the robot that the body cannot turn on the spot."""
+        points = scene.grid.points() - scene.view.position
+        is_near = scene.view.nearest()[0] < braking_radius(scene.view.sensors)
+        return is_near or bool((np.hypot(*points.T) < self.measures.radius).any())
+
+    def can_back_out(self, scene: Scene, memory: HDBugMapMemory) -> bool:
+        """Whether a long body that cannot turn where it is can go straight back for a step."""
+        drive, (x, y, heading) = scene.view.sensors.drive, scene.view.pose
+        if memory.body_map is None or drive.max_reverse <= 0.0 or not self._is_cramped(scene):
+            return False
+        way = drive.max_reverse * drive.step
+        behind = [x - way * math.cos(heading), y - way * math.sin(heading), heading]
+        return is_open(memory.body_map, self.measures.footprint, np.array([[x, y, heading], behind]))
 
     def _find_way_to_wall(self, scene: Scene, memory: HDBugMapMemory) -> Way | None:
         """The same to a goal by walls, at the least clearance: to where it may be that the body comes as near as counts."""

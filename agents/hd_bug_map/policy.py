@@ -3,10 +3,10 @@
 Source: this package; the HD-BUG paper (Hasibuzzaman, Jan and Wu) gave the detection radius, the prediction of movers and the
 meeting of a moving target. Sensing assumed: ranges all round, goal, own position; the terrain around where the scenario has
 regions. Memory kept: points of still obstacles (mapping.point_map), tracks of what moves. States: direct, following,
-avoidance, leaving, emergency, turning, waiting. Guarantee: among still obstacles it reaches the goal or declares it
-unreachable, for every way with the clearance (see mapping.point_map); where cells that it could not pass are all that shuts
-the goal off it says "stuck", as in 29 of 1,000 shut worlds of thin cylinders (docs/results/cylinder-claims.md). Length: that
-of the shortest way among what it has seen, planned again as it sees more.
+avoidance, leaving, emergency, turning, giving_way, backing_out, waiting. Guarantee: among still obstacles it reaches the goal
+or declares it unreachable, for every way with the clearance (see mapping.point_map); where cells that it could not pass are
+all that shuts the goal off it says "stuck", as in 29 of 1,000 shut worlds of thin cylinders (docs/results/cylinder-claims.md).
+Length: that of the shortest way among what it has seen, planned again as it sees more.
 
 It keeps a map and plans on it, so bugs are no fair opponents: other planners in unknown terrain are, and networks.
 
@@ -32,9 +32,9 @@ A decision is to perceive, to aim, to plan, and to follow the way or, among move
    as far again, so that a wide region is not entered because only its near edge is known. What is seen or supposed from
    nearer counts, else it would change with the heading, and the side to go round a region with it.
 6. Long bodies. The way is planned for the disc about the body, which can turn anywhere; where there is none, poses are
-   planned (poses) until there is room again, and else the way for the disc at the least clearance. Where a mover would be
-   met on them it gives way (give_way). "Unreachable" is a goal that not even one of the circles of the body comes to, else
-   it is "stuck".
+   planned (poses) until there is room again, and else the way for the disc at the least clearance. Where the body cannot turn
+   on the spot poses alone lead on, and without any it backs out straight to where it can. Where a mover would be met on them
+   it gives way (give_way). "Unreachable" is a goal that not even one of the circles of the body comes to, else it is "stuck".
 """
 
 from __future__ import annotations
@@ -106,6 +106,9 @@ class HDBugMap(ScriptedPolicy):
     def act(self, view: View, memory: HDBugMapMemory) -> Velocity:
         """One decision."""
         scene = self.look(view, memory)
+        memory.backs_out = memory.backs_out and self.planner.can_back_out(scene, memory)
+        if memory.backs_out:
+            return self._wait(scene, memory)
         if memory.turns is not None:
             velocity = self.planner.turn_through(scene, memory, memory.turns)
             if velocity is not None:
@@ -162,10 +165,13 @@ class HDBugMap(ScriptedPolicy):
         return away
 
     def _wait(self, scene: Scene, memory: HDBugMapMemory) -> Velocity:
-        """Stand, but for what comes near: there is no way now."""
+        """Stand, but for what comes near: there is no way now; a long body that cannot turn goes back to where it can."""
         if memory.verdict:
             return 0.0, 0.0
         near = self.avoidance.near_movers(scene, self.predictor)
+        if near is None and self.planner.can_back_out(scene, memory):
+            memory.mode, memory.backs_out, memory.is_backing = "backing_out", True, True
+            return -self.sensors.drive.max_reverse, 0.0
         if near is None:
             return self._or_leave(scene, memory, (0.0, 0.0))
         view = scene.view

@@ -202,15 +202,8 @@ class Bug1Pair(BugTeam):
         own = memory.own
         if own.contour is not None:
             own.contour.is_disturbed |= memory.is_detouring
-            memory.squeezed |= bool(other.own.verdict) and self._is_at_body(own.contour.wall, memory, other)
+            memory.squeezed |= self.is_at_body(own.contour.wall, memory, other)
         return velocity
-
-    def _is_at_body(self, wall: Point, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
-        """Whether what a robot has its hand on, a place of its odometry frame [m], is the body of another one."""
-        if other.word is None:
-            return False
-        assert memory.frame is not None
-        return math.dist(memory.frame.to_team(wall), now_of(other).place) <= self.see_through.reach
 
     def _is_asked_back(self, memory: Bug1PairMemory, other: Bug1PairMemory) -> bool:
         """Whether a robot that follows its partner back to the nearest point is in its way: a wall leads that back."""

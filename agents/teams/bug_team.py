@@ -25,6 +25,7 @@ from bug_gym.agents.teams.partners import (
     gap,
     least_gap,
     look_at_partners,
+    now_of,
     way_asked,
     who_goes,
 )
@@ -203,6 +204,13 @@ class BugTeam(TeamPolicy):
             own.contour.is_disturbed = True
         if not own.glances:  # the law's own glances are never due
             own.glances, own.glance_age = [still()], -math.inf
+
+    def is_at_body(self, wall: Point, memory: BugTeamMemory, other: BugTeamMemory) -> bool:
+        """Whether what a robot has its hand on, a place of its odometry frame [m], is the body of one that has given up."""
+        if not other.own.verdict or other.word is None:
+            return False
+        assert memory.frame is not None
+        return math.dist(memory.frame.to_team(wall), now_of(other).place) <= self.see_through.reach
 
     # -------------------------------------------------------------------------------- who is braked beside a partner
 

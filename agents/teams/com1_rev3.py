@@ -3,9 +3,9 @@
 Source: Oni and Wang, "Improved Bug Algorithms for Robot Navigation in Unknown Environments", sections 3.2 and 3.3,
 figure 3; laws as in `bugs/com1.py` and `bugs/rev3.py`. Sensing assumed: as theirs, and where partners are (`peers`).
 Told: place by odometry, velocity, distance to the goal, state, and what is seen behind the own body. Memory kept: that of
-each law, and the trace of the own way. States: those of the laws, hold, waiting, making_room, stopped. Guarantee: some
-robot reaches the goal, or Com1, which is complete, declares it unreachable, where none has to go round a partner: that may
-lead it back again, or through a gap behind which a lap proves nothing, and who would go round one from one place for the
+each law, and the trace of the own way. States: those of the laws, hold, waiting, making_room, following, stopped. Guarantee:
+some robot reaches the goal, or Com1, which is complete, declares it unreachable, where none has to go round a partner: that
+may lead it back again, or through a gap behind which a lap proves nothing, and who would go round one from one place for the
 third time is "looping". Length: the winner's is the shorter of the two laws' ways, or near it; the sum at most twice that.
 
 *Stop rule.* A robot wins that (1) goes to the goal, (2) sees nothing between it and the goal, and (3) is nearer to it
@@ -18,7 +18,8 @@ presupposes the room for it. Where there is none the robots here make it: a robo
 within a hand's breadth of another, and the partner in its way moves along its own way, on or back, whichever leads
 away; where neither does it steps aside, and who is in its way makes room in turn. So Com1 drives the curve that it
 drives alone, at other times. What waits longer than 10 s goes round its partner as round an obstacle (the paper's own
-rule), and says so: `detoured`.
+rule), and says so: `detoured`. In a pocket it would meet the same partner again in each lap; so one that Com1 has gone
+round comes after it until it leaves the boundary, and from the second time on for good.
 
 With more than two robots half drive by Com1 and half by Rev3, of either half the turns alternate (section 5); a robot
 holds for all that come before it.
@@ -31,6 +32,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from bug_gym.agents.bugs.com1 import Com1
@@ -62,6 +64,9 @@ AHEAD = 1.0
 
 HEADINGS = 16
 """How many headings a robot tries that steps aside."""
+
+FOR_GOOD = 2
+"""Who has been gone round so often follows as long as that one goes."""
 
 NO_NEARER = 0.01
 """Who has come nearer by less, as a robot does that is held up by what stands beside its way, has not [m]."""
@@ -99,6 +104,16 @@ class Com1Rev3Memory(BugTeamMemory):
     """The memory of its law as it began to go round its partners."""
     came_within: float = math.inf
     """Nearer than this is nearer than it has come to the next place on that way [m]."""
+    passing: set[int] = field(default_factory=set)
+    """Robots that it goes round."""
+    passing_since: int = 0
+    """Number of the place of the trace from which on it does."""
+    following: int | None = None
+    """A robot that has gone round it, and whose way it goes until that leaves the boundary; after the second time for good."""
+    gone_round: int = 0
+    """How often it has begun to."""
+    tail: int = 0
+    """Number of the place of that one's trace that it goes to."""
     on_behalf: int = 0
     """The foremost robot for which it waits, or makes room."""
 
@@ -210,31 +225,32 @@ class Com1Rev3(BugTeam):
         """The velocity of one robot; those that come before it have theirs."""
         memory = decision.memories[robot]
         if self.is_stopped(robot, decision.memories):
-            memory.mode = "stopped"
+            memory.mode, memory.waiting_for = "stopped", set()
             return STANDING
         if memory.holding_for or self._asking(robot, decision):
             return self._hold(robot, view, decision)
         memory.room, memory.on_behalf = 0, robot
-        velocity = self._go_on(robot, view, memory)
+        velocity = self._go_on(robot, view, decision)
         blockers = self._blockers(robot, velocity, decision)
         memory.waiting_for = blockers
         if blockers:
             memory.pending, memory.mode = velocity, "waiting"
             memory.waited += self.sensors.drive.step
             if memory.is_detouring and memory.waited > 2.0 * PATIENCE:
-                self._give_up_detour(memory)  # nobody makes room for one that goes round: now they may again
+                self._give_up_detour(robot, decision)  # nobody makes room for one that goes round: now they may again
             elif memory.waited > PATIENCE:
                 if not memory.is_detouring:
                     before = kept(memory.own)
                     if self.begin_detour(robot, view, memory):
-                        memory.before = before
+                        memory.before, memory.passing, memory.passing_since = before, blockers, len(memory.trace)
                 memory.pending = None
             return STANDING
-        memory.pending, memory.mode = None, memory.own.mode
+        memory.pending, memory.mode = None, memory.own.mode if memory.following is None else "following"
         return velocity
 
-    def _go_on(self, robot: int, view: View, memory: Com1Rev3Memory) -> Velocity:
+    def _go_on(self, robot: int, view: View, decision: Decision) -> Velocity:
         """What the law wants; first back to where it decided last, where the robot has made room since."""
+        memory = decision.memories[robot]
         if memory.pending is not None:
             return memory.pending
         while memory.aside and math.dist(memory.aside[-1], view.position) < 0.3 * self.step:
@@ -249,21 +265,29 @@ class Com1Rev3(BugTeam):
                 return self.laws[robot].boundary.step_to(view, memory.aside[-1]) or STANDING
             memory.aside.clear()  # what stands there stays, such as a partner that has arrived
             memory.shut_out, memory.came_within = 0.0, math.inf
+        if memory.following is not None:
+            if self._is_led(robot, decision):
+                return self._follow(robot, view, memory, decision.memories[memory.following])
+            memory.following, memory.shut_out = None, 0.0
         back = self._along_trace(robot, view, memory, 1) if memory.at < len(memory.trace) - 1 else None
         if back is not None:
             return back
         velocity = self.laws[robot].act(view, memory.own)
+        if (contour := memory.own.contour) is not None:
+            memory.squeezed |= any(self.is_at_body(contour.wall, memory, other) for other in decision.memories)
         if memory.is_detouring and memory.own.verdict:
-            self._give_up_detour(memory)
+            self._give_up_detour(robot, decision)
             return STANDING
         memory.trace.append(view.position)
         memory.at = len(memory.trace) - 1
         return velocity
 
-    def _give_up_detour(self, memory: Com1Rev3Memory) -> None:
+    def _give_up_detour(self, robot: int, decision: Decision) -> None:
         """What a robot finds out while its partner is an obstacle to it proves nothing: it waits again."""
+        memory = decision.memories[robot]
         memory.own.verdict = ""
         self._end_detour(memory)
+        self._be_followed(robot, decision)
         memory.waited = 0.0
         if memory.own.contour is not None:
             memory.own.contour.waited = 0.0
@@ -272,11 +296,72 @@ class Com1Rev3(BugTeam):
         """A boundary that it met while its partners were obstacles is none: they go on, and the hand would slip off them."""
         memory.is_detouring = False
         assert memory.before is not None
-        if memory.own.contour is None or memory.own.contour is memory.before.contour:
+        if memory.own.contour is None:
+            return
+        if memory.own.contour is memory.before.contour:
+            memory.own.contour.is_disturbed = True  # what lies behind the partner it has not gone along
             return
         if memory.before.contour is None:
             memory.own = memory.before
         memory.own.contour, memory.own.mode = None, "motion_to_goal"
+
+    def _be_followed(self, robot: int, decision: Decision) -> None:
+        """Have those that a robot has gone round come after it, if it is complete: it would meet them again each lap."""
+        memory = decision.memories[robot]
+        passed, memory.passing = memory.passing, set()
+        if robot >= self.leaders or memory.has_own_goal:
+            return
+        for other in passed & set(decision.team):
+            behind = decision.memories[other]
+            if other > robot:
+                places = memory.trace[memory.passing_since :]
+                here = now_of(memory).frame.to_odometry(now_of(behind).place)
+                nearest = min(range(len(places)), key=lambda number: math.dist(places[number], here), default=0)
+                behind.following, behind.tail = robot, memory.passing_since + nearest
+                behind.gone_round += 1
+                behind.pending, behind.room, behind.shut_out = None, 0, 0.0
+                behind.own = self.laws[other].start()
+
+    def _is_led(self, robot: int, decision: Decision) -> bool:
+        """Whether the robot that it follows goes along a boundary, or has only just left it, and nothing is in the way."""
+        memory = decision.memories[robot]
+        assert memory.following is not None
+        first = decision.memories[memory.following]
+        is_for_good = memory.gone_round >= FOR_GOOD
+        has_left = (
+            not is_for_good
+            and first.own.contour is None
+            and decision.near[robot].get(memory.following, math.inf) > self.go
+        )
+        goes = first.is_heard and not first.own.verdict and memory.winner is None
+        return goes and not has_left and memory.shut_out <= PATIENCE
+
+    def _follow(self, robot: int, view: View, memory: Com1Rev3Memory, first: Com1Rev3Memory) -> Velocity:
+        """Velocity along the way of the robot that has gone round this one, but for those parts of it that lead back here."""
+        theirs, ours = now_of(first).frame, now_of(memory).frame
+        here = theirs.to_odometry(ours.to_team(view.position))
+        gaps = [math.dist(place, here) for place in first.trace[memory.tail :]]
+        near = [number for number, gap in enumerate(gaps) if gap < self.sensors.radius]
+        if not near and memory.at < len(memory.trace) - 1:
+            return self._along_trace(robot, view, memory, 1) or STANDING
+        del memory.trace[memory.at + 1 :]
+        if near:
+            memory.tail += near[-1] + (gaps[near[-1]] < 0.3 * self.step)
+        if memory.tail >= len(first.trace):
+            return STANDING
+        places = [ours.to_odometry(theirs.to_team(place)) for place in first.trace[memory.tail :]]
+        boundary = self.laws[robot].boundary
+        velocity = boundary.step_to(view, places[0])
+        if velocity is None and (number := nearest_in_sight(view, places, boundary.safe_radius)) is not None:
+            memory.tail += number
+            velocity = boundary.step_to(view, places[number])
+        if velocity is None and not memory.shut_out:  # the way that it came leads there, too
+            memory.trace, memory.at = memory.trace[memory.at :: -1], 0
+        memory.shut_out = memory.shut_out + self.sensors.drive.step if velocity is None else 0.0
+        if velocity is not None:
+            memory.trace.append(view.position)
+            memory.at = len(memory.trace) - 1
+        return velocity or STANDING
 
     def _along_trace(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
         """Velocity to the next place of the trace, on (+1) or back (-1); None at its end, or where something stands."""
@@ -299,6 +384,7 @@ class Com1Rev3(BugTeam):
                 memory.waited = 0.0
                 if memory.is_detouring:
                     self._end_detour(memory)
+                    self._be_followed(robot, decision)
                 held.clear()
                 continue
             held.intersection_update(gaps)
@@ -362,7 +448,7 @@ class Com1Rev3(BugTeam):
         if memory.room == 0:
             return STANDING
         for direction in (memory.room, -memory.room) if not memory.aside else ():
-            velocity = self._make_room(robot, view, memory, direction)
+            velocity = self._make_room(robot, view, decision, direction)
             if velocity is not None and self._has_room(robot, velocity, decision):
                 memory.room, memory.mode, memory.pending = direction, "making_room", None
                 return velocity
@@ -379,11 +465,14 @@ class Com1Rev3(BugTeam):
         decision.memories[robot].waiting_for |= blockers
         return not blockers
 
-    def _make_room(self, robot: int, view: View, memory: Com1Rev3Memory, direction: int) -> Velocity | None:
+    def _make_room(self, robot: int, view: View, decision: Decision, direction: int) -> Velocity | None:
         """Velocity on or back along the own way; None at the start of the trace."""
+        memory = decision.memories[robot]
         if direction < 0:
             return self._along_trace(robot, view, memory, -1)
-        velocity = self._go_on(robot, view, memory)
+        velocity = self._go_on(robot, view, decision)
+        if memory.following is not None:
+            return None if velocity == STANDING else velocity
         memory.pending = velocity  # the law has decided for this place, whether the step is taken or not
         return None if memory.own.verdict or velocity == STANDING else velocity
 
@@ -439,6 +528,14 @@ class Com1Rev3(BugTeam):
             heading = contour.heading
         x, y = velocity_along(heading, left)
         return place[0] + x, place[1] + y
+
+
+def nearest_in_sight(view: View, places: Sequence[Point], radius: float) -> int | None:
+    """Number of the nearest place (odometry frame) to which a disc of a radius [m] can go straight; None: to none."""
+    there = np.array([view.to_robot(*place) for place in places])
+    gaps, bearings = np.hypot(*there.T), np.arctan2(there[:, 1], there[:, 0])
+    free = np.flatnonzero(view.free_distances(bearings, radius) >= gaps)
+    return int(free[np.argmin(gaps[free])]) if len(free) else None
 
 
 def kept(memory: BugMemory) -> BugMemory:

@@ -52,6 +52,30 @@ def test_a_passage_narrower_than_the_body_is_no_way() -> None:
     assert episode.verdict == "unreachable"
 
 
+@pytest.mark.slow
+def test_a_long_body_turns_into_no_wall_beside_it_where_its_poses_lead_no_farther() -> None:
+    """Driven as a disc it did, in 6 of the first 10 of these mazes."""
+    world = {"family": "maze", "bounds": [-17.33, -17.33, 17.33, 17.33], "passage": 3.38, "wall": 0.4, "loops": 0.1}
+    body = {"kinematics": "differential", "circles": [[x, 0.0, 0.3] for x in (-1.0, -0.6, -0.2, 0.2, 0.6, 1.0)]}
+    lidar, limit = {"beams": 180, "range": 12.4}, {"limit": 400.0}
+    episode = run_episode(
+        "hd_bug_map", {"robot": body, "world": world, "lidar": lidar, "time": limit, "goal": {"radius": 0.39}}, seed=3
+    )
+    assert episode.outcome == "success"
+
+
+@pytest.mark.parametrize(("max_reverse", "outcome"), [(0.3, "success"), (0.0, "running")])
+def test_a_long_body_in_a_dead_end_in_which_it_cannot_turn_backs_out(max_reverse: float, outcome: str) -> None:
+    walls = [[[0.0, y], [3.0, y], [3.0, y + 0.3], [0.0, y + 0.3]] for y in (-0.75, 0.45)]
+    walls.append([[3.0, -0.75], [3.3, -0.75], [3.3, 0.75], [3.0, 0.75]])
+    scenario = wall_with_gap(1.0, 0.0)
+    scenario["robot"]["max_reverse"] = max_reverse
+    scenario["world"] |= {"polygons": walls, "start": [2.0, 0.0, 0.0], "goal": [-4.0, 0.0]}
+    episode = run_episode("hd_bug_map", scenario)
+    assert episode.outcome == outcome
+    assert episode.verdict == ("" if max_reverse else "stuck")
+
+
 def test_where_a_circle_of_the_body_passes_and_the_body_finds_no_way_nothing_is_proven() -> None:
     walls = [[[0.0, y], [0.2, y], [0.2, y + 1.3], [0.0, y + 1.3]] for y in (-1.475, 0.175)]
     world = {"family": "explicit", "bounds": [-2.0, -1.5, 2.5, 1.5], "start": [-1.0, 0.0, 0.0], "goal": [1.8, 0.0]}

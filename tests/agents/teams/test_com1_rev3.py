@@ -229,14 +229,44 @@ def test_com1s_lap_proves_that_there_is_no_way() -> None:
     assert run.lengths[0] <= 1.03 * (Ring().first + Ring().lap) + 0.6
 
 
-@pytest.mark.parametrize(("seed", "clearance"), [(35, 0.295), (39, 0.295), (7, None)])
-def test_robots_shut_in_close_together_do_not_go_in_circles_behind_one_another_for_ever(
-    seed: int, clearance: float | None
-) -> None:
-    """Each going round the other spoils the lap that would prove it: both went on for good."""
+@pytest.mark.parametrize(
+    ("robot", "seed"),
+    [
+        *(("holonomic", seed) for seed in (11, 23, 35, 39, 83, 167, 183, 255)),
+        *(("jackal", seed) for seed in (7, 15, 79)),
+    ],
+)
+def test_robots_shut_in_close_together_find_out_as_com1_does_alone(robot: str, seed: int) -> None:
+    """Each going round the other spoils the lap that would prove it: so one of them comes after the other."""
+    answer = cylinder_claims.mission("com1_rev3", robot, seed)
+    assert (answer.outcome, answer.verdict) == ("gave_up", "unreachable")
+
+
+def test_robots_shut_in_close_together_do_not_go_in_circles_behind_one_another_for_ever() -> None:
     shut = load(cylinder_claims.scenario("holonomic", shut=True), {"robots.count": 2})
-    run = run_team("com1_rev3", dump(shut), seed=seed, clearance=clearance)
+    run = run_team("com1_rev3", dump(shut), seed=7)
     assert all(run.verdicts) and set(run.verdicts) <= {"looping", "unreachable"}
+
+
+@pytest.mark.parametrize(
+    ("goals", "first", "count"),
+    [((0, 0, 0, 0), 0, 1), ((0, 0, 0, 0), 1, 1), ((0, 0, 0, 0), 2, 0), ((0, 1, 2, 3), 0, 0)],
+    ids=["Com1", "another Com1", "Rev3", "goals of their own"],
+)
+def test_who_has_been_gone_round_comes_after_one_that_is_complete_where_all_seek_one_goal(
+    goals: tuple[int, ...], first: int, count: int
+) -> None:
+    starts = [(0.0, 4.0 * number, 0.0) for number in range(4)]
+    scenario = team_scenario([[[9, -9], [10, -9], [10, 18], [9, 18]]], starts, (20.0, 0.0))
+    for place, goal in zip(scenario["robots"], goals, strict=True):
+        place["goal"] = [20.0, 4.0 * goal]
+    simulation = Simulation(scenario)
+    policy: Any = make_policy("com1_rev3", simulation)
+    flat = simulation.reset(seeds=[0])[0]
+    _, state = policy.predict(flat)
+    state[first].is_detouring, state[first].before, state[first].passing = True, state[first].own, {3}
+    _, state = policy.predict(flat, state)  # they are far from one another: it has passed
+    assert not state[first].is_detouring and state[3].gone_round == count
 
 
 # ------------------------------------------------------------------------------------------ making room
