@@ -296,12 +296,13 @@ class Com1Rev3(BugTeam):
         """A boundary that it met while its partners were obstacles is none: they go on, and the hand would slip off them."""
         memory.is_detouring = False
         assert memory.before is not None
-        if memory.own.contour is None:
+        before, contour = memory.before.contour, memory.own.contour
+        if contour is None:
             return
-        if memory.own.contour is memory.before.contour:
-            memory.own.contour.is_disturbed = True  # what lies behind the partner it has not gone along
+        if before is contour:
+            before.is_disturbed = True  # what lies behind the partner it has not gone along
             return
-        if memory.before.contour is None:
+        if before is None:
             memory.own = memory.before
         memory.own.contour, memory.own.mode = None, "motion_to_goal"
 
