@@ -356,8 +356,6 @@ class Com1Rev3(BugTeam):
         if velocity is None and (number := nearest_in_sight(view, places, boundary.safe_radius)) is not None:
             memory.tail += number
             velocity = boundary.step_to(view, places[number])
-        if velocity is None and not memory.shut_out:  # the way that it came leads there, too
-            memory.trace, memory.at = memory.trace[memory.at :: -1], 0
         memory.shut_out = memory.shut_out + self.sensors.drive.step if velocity is None else 0.0
         if velocity is not None:
             memory.trace.append(view.position)

@@ -242,6 +242,43 @@ def test_robots_shut_in_close_together_find_out_as_com1_does_alone(robot: str, s
     assert (answer.outcome, answer.verdict) == ("gave_up", "unreachable")
 
 
+@pytest.mark.parametrize(("robot", "seed"), [("jackal", 1216), ("jackal", 1606), ("holonomic", 882)])
+def test_a_way_behind_a_partner_that_one_has_gone_round_is_found(robot: str, seed: int) -> None:
+    """A lap does not prove it away; and who wins while it follows makes room for nobody who has stopped (882)."""
+    answer = cylinder_claims.mission("com1_rev3", robot, seed)
+    assert (answer.outcome, answer.verdict) == ("success", "")
+
+
+def test_who_follows_and_is_the_first_to_see_the_goal_goes_there() -> None:
+    simulation = Simulation(
+        team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], [(-3.0, 0, 0), (0, 0, 0)], (5.0, 0.0))
+    )
+    policy: Any = make_policy("com1_rev3", simulation)
+    flat, state = simulation.reset(seeds=[0])[0], policy.start(2)
+    state[1].following, state[1].gone_round = 0, 2  # for good
+    for _ in range(120):
+        actions, state = policy.predict(flat, state)
+        after = simulation.step(actions[None])
+        flat = after.observation[0]
+        if after.terminated.any():
+            break
+    assert simulation.info()["outcome"][0, 1] == "success"
+
+
+def test_a_lap_with_a_hand_on_a_partner_that_has_given_up_proves_nothing() -> None:
+    simulation = Simulation(
+        team_scenario([[[9, -9], [10, -9], [10, 9], [9, 9]]], [(2.0, 0, 0), (0, 0, 0)], (20.0, 0.0))
+    )
+    policy: Any = make_policy("com1_rev3", simulation)
+    flat = simulation.reset(seeds=[0])[0]
+    _, state = policy.predict(flat)
+    state[0].own.verdict = "looping"
+    while state[1].own.contour is None:
+        actions, state = policy.predict(flat, state)
+        flat = simulation.step(actions[None]).observation[0]
+    assert state[1].squeezed and state[1].own.mode == "boundary_following"
+
+
 def test_robots_shut_in_close_together_do_not_go_in_circles_behind_one_another_for_ever() -> None:
     shut = load(cylinder_claims.scenario("holonomic", shut=True), {"robots.count": 2})
     run = run_team("com1_rev3", dump(shut), seed=7)
