@@ -46,10 +46,16 @@ class Circumnavigation:
             memory.best, memory.best_at = view.goal_distance, memory.odometer
 
     def is_due(self, view: View, memory: HDBugMemory) -> bool:
-        """Whether candidates have had their time: too long a way without coming nearer, or none at all."""
+        """Whether candidates have had their time: it is by the goal, or has gone too long a way, or none, and come no nearer."""
+        if self.is_by_goal(view):
+            return True
         if memory.odometer - memory.best_at > self.patience * (memory.best + EXTRA):
             return True
         return self.stands_still(view, memory)
+
+    def is_by_goal(self, view: View) -> bool:
+        """Whether the goal is so near that it is gone round what hides it, as by robots that have arrived: doors lead away."""
+        return view.goal_distance <= self.boundary.exact_length
 
     def stands_still(self, view: View, memory: HDBugMemory) -> bool:
         """Whether it has not got on for long; to be asked once a decision."""
@@ -70,7 +76,7 @@ class Circumnavigation:
         velocity = self.tangent_bug.act(view, memory.follow)
         memory.verdict = memory.follow.verdict
         is_nearer = view.goal_distance < memory.follow_best - self.boundary.progress
-        if is_nearer and memory.follow.mode == "motion_to_goal":
+        if is_nearer and memory.follow.mode == "motion_to_goal" and not self.is_by_goal(view):
             memory.follow, memory.must_look = None, True
             memory.anchor, memory.anchored = view.position, 0
         return velocity

@@ -25,9 +25,10 @@ Where the paper contradicts itself or is silent, this package decides:
    another is better by far. (explore)
 4. Backtracking. A door out of sight is reached over the list: over the links between nodes in each other's light, never
    back along the way. (explore, path_list)
-5. Tangential circumnavigation. No door left, no progress within `patience`, or no way on: it goes round what is in the way
-   as TangentBug does, until it is nearer to the goal than ever. "No door left" never says that there is no way; only a
-   closed lap does. So a livelock among doors ends, and no verdict rests on how finely doors are seen. (circumnavigate)
+5. Tangential circumnavigation. No door left, no progress within `patience`, no way on, or the goal right behind what is in
+   the way: it goes round that as TangentBug does, until it is nearer to the goal than ever. "No door left" never says that
+   there is no way; only a closed lap does. So a livelock among doors ends, and no verdict rests on how finely doors are
+   seen. (circumnavigate)
 6. Detection radius (eq. 6, Table 1). The ladder of radii r' bounds what lies ahead among movers: at r' the ends of the
    grid of velocities are compared. What is remembered is as far as the beams saw. (ladder)
 7. Velocity (eq. 9). v_max where the way to the next place is clear, v_base where an obstacle is nearer than a pace ahead,

@@ -111,3 +111,23 @@ def test_a_door_that_led_nowhere_is_tried_again_if_something_moved_near_it(gap: 
     begun = memory.steps
     assert not is_back(0.0) and not is_back(4.8)
     assert is_back(5.2) == (gap is not None and gap < 1.0)
+
+
+@pytest.mark.parametrize("angle", [math.pi / 6.0, math.pi / 1.5, math.pi / 1.2, math.pi / 0.75])
+@pytest.mark.parametrize("arrived", [1, 2])
+def test_what_stands_in_the_way_right_before_the_goal_is_gone_round(angle: float, arrived: int) -> None:
+    """As robots do that have arrived. The way is no longer than straight on and once round them."""
+    far, radius, start = 0.33, 0.2, (-5.0, 0.3)
+    turns = [angle + 1.5 * number for number in range(arrived)]
+    circles = [[far * math.cos(turn), far * math.sin(turn), radius] for turn in turns]
+    world = {"family": "explicit", "bounds": [-8, -8, 8, 8], "start": [*start, 0.0], "goal": [0.0, 0.0], "circles": circles}
+    simulation = Simulation({"world": world, "robot": {"kinematics": "differential"}})
+    policy: Any = make_policy("hd_bug", simulation)
+    flat, memory = simulation.reset(seeds=[0]), None
+    while simulation.world.active[0, 0]:
+        action, memory = policy.predict(flat[:, 0], memory)
+        flat = simulation.step(action[:, None]).observation
+    apart_by = math.dist(circles[0][:2], circles[-1][:2])
+    round_them = 2.0 * math.pi * (radius + policy.boundary.clearance) + 2.0 * apart_by
+    assert simulation.info()["is_success"][0]
+    assert simulation.world.array("path_length")[0, 0] < math.hypot(*start) + round_them
