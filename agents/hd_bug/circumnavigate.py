@@ -46,7 +46,7 @@ class Circumnavigation:
             memory.best, memory.best_at = view.goal_distance, memory.odometer
 
     def is_due(self, view: View, memory: HDBugMemory) -> bool:
-        """Whether candidates have had their time: it is by the goal, or has gone too long a way, or none, and come no nearer."""
+        """Whether candidates have had their time: it is by the goal, or has gone too long a way, or none, to come nearer."""
         if self.is_by_goal(view):
             return True
         if memory.odometer - memory.best_at > self.patience * (memory.best + EXTRA):

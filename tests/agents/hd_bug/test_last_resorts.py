@@ -120,7 +120,13 @@ def test_what_stands_in_the_way_right_before_the_goal_is_gone_round(angle: float
     far, radius, start = 0.33, 0.2, (-5.0, 0.3)
     turns = [angle + 1.5 * number for number in range(arrived)]
     circles = [[far * math.cos(turn), far * math.sin(turn), radius] for turn in turns]
-    world = {"family": "explicit", "bounds": [-8, -8, 8, 8], "start": [*start, 0.0], "goal": [0.0, 0.0], "circles": circles}
+    world = {
+        "family": "explicit",
+        "bounds": [-8, -8, 8, 8],
+        "start": [*start, 0.0],
+        "goal": [0.0, 0.0],
+        "circles": circles,
+    }
     simulation = Simulation({"world": world, "robot": {"kinematics": "differential"}})
     policy: Any = make_policy("hd_bug", simulation)
     flat, memory = simulation.reset(seeds=[0]), None
