@@ -73,12 +73,14 @@ class OwnPart(NamedTuple):
     """Of its value for one robot."""
     shared: frozenset[str] = frozenset()
     """Names of arrays that others ask for, too: each gets a copy of its own, in which it may write."""
+    weight: float = 1.0
+    """What the function's value is multiplied by."""
 
-    def value(self, arrays: Arrays, count: int) -> NDArray[Any]:
-        """What the function gives for n robots (n, *shape).
+    def value(self, arrays: Arrays, count: int) -> NDArray[np.float64]:
+        """What the function gives for n robots (n, *shape), weighted.
 
         Raises:
-            ValueError: something else than finite real numbers of that shape.
+            ValueError: something else than real numbers of that shape that are finite, weighted too.
         """
         try:
             with kept_in_process():
@@ -89,17 +91,22 @@ class OwnPart(NamedTuple):
             error.add_note(f"in {self.told}, called with {', '.join(self.asks_for)} of {count} robots")
             raise
         expected = (count, *self.shape)
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
-            came = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+        is_plain = isinstance(value, np.ndarray) and not isinstance(value, np.ma.MaskedArray)
+        if not is_plain or value.dtype.kind not in "fiub":
+            came = f"an array of {value.dtype}" if is_plain else type(value).__name__
             raise ValueError(f"{self.told} gave {came}, expected an array {expected} of real numbers")
         if value.shape != expected and not (value.shape == (count,) and self.shape == (1,)):
             raise ValueError(f"{self.told} gave an array of shape {value.shape}, expected {expected}")
-        if not np.isfinite(value).all():
-            robot = int(np.argwhere(~np.isfinite(value))[0, 0])
-            raise ValueError(
-                f"{self.told} gave {shortened(value[robot].tolist())} for row {robot}, expected finite numbers"
+        with np.errstate(over="ignore"):
+            weighted: NDArray[np.float64] = self.weight * value.astype(np.float64)
+        if not np.isfinite(weighted).all():
+            robot = int(np.argwhere(~np.isfinite(weighted))[0, 0])
+            came = f"{shortened(value[robot].tolist())} for row {robot}"
+            times = (
+                f", times its weight of {self.weight:g} beyond all numbers" if np.isfinite(value[robot]).all() else ""
             )
-        return value.reshape(expected)
+            raise ValueError(f"{self.told} gave {came}{times}, expected finite numbers")
+        return weighted.reshape(expected)
 
 
 def asks_for(scenario: Scenario, name: str) -> bool:
@@ -124,12 +131,14 @@ class OwnParts:
     def __init__(self, scenario: Scenario, world: World, fields: tuple[Field, ...]) -> None:
         self._world = world
         self._terms = [own_part(f"reward_terms.{name}", own, ()) for name, own in scenario.reward_terms.items()]
-        self._weights = [own.weight for own in scenario.reward_terms.values()]
         own_fields = scenario.observation_fields
         self._fields = [own_part(f"observation_fields.{name}", own, own.shape) for name, own in own_fields.items()]
         times = Counter(name for part in (*self._terms, *self._fields) for name in part.asks_for)
         shared = frozenset(name for name, count in times.items() if count > 1)
-        self._terms = [part._replace(shared=shared) for part in self._terms]
+        weights = [own.weight for own in scenario.reward_terms.values()]
+        self._terms = [
+            part._replace(shared=shared, weight=weight) for part, weight in zip(self._terms, weights, strict=True)
+        ]
         self._fields = [part._replace(shared=shared) for part in self._fields]
         places = {field.name: field for field in fields}
         self._places = [places[name] for name in own_fields]
@@ -155,10 +164,8 @@ class OwnParts:
         if self._terms:
             own = np.empty((len(rows), robots, len(self._terms)))
             reward = self._world.array("reward")[rows]
-            for number, (term, weight) in enumerate(zip(self._terms, self._weights, strict=True)):
-                value = np.where(in_play, weight * term.value(arrays, count).astype(np.float64), 0.0).reshape(
-                    -1, robots
-                )
+            for number, term in enumerate(self._terms):
+                value = np.where(in_play, term.value(arrays, count), 0.0).reshape(-1, robots)
                 own[:, :, number] = value
                 reward += value
             self._world.array("own_terms")[rows] = own.reshape(len(rows), -1)

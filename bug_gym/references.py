@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -154,19 +154,59 @@ def code_digest(code: Any) -> str:
 
     That is its file, of a class also those of its bases, and where one of these files lies in a package all that lies there;
     this package, Python's and installed ones are left out, but for that of the class itself. Of a notebook's function, whose
-    cells are no files, it is the digest of its own lines; "" where nobody knows them, as those of a class there.
+    cells are no files, it is the digest of its own lines; "" where nobody knows them, as those of a class there. What a
+    function holds beside its lines belongs to it, as `make_term(0.5)` and `make_term(2.0)` are two; "" where that is more
+    than data, as the object of a bound method.
 
     Raises:
         ValueError: a file was changed after it was imported: what runs is not what it says now.
     """
     code = inspect.unwrap(getattr(code, "py_func", code))
+    try:
+        held = _held(code)
+    except (TypeError, ValueError, AttributeError):  # no data, or in a circle, or not there yet
+        return ""
     written: set[tuple[str, str]] = set()
     for one in _callers_classes(code) if isinstance(code, type) else [code]:
         found = _written(one)
         if not found:
             return ""
         written |= found.items()
-    return _short(json.dumps(sorted(written)).encode())
+    return _short(json.dumps([*sorted(written), *held]).encode())
+
+
+def place_digest(reference: str) -> str:
+    """Digest of the file in which "module:name" or "file.py:name" has been found: of what is made there, and no function.
+
+    Raises:
+        ValueError: the file was changed after it was imported.
+    """
+    place = reference.rpartition(":")[0]
+    if not place.endswith(".py"):
+        file = Path(sys.modules[place].__file__ or "")
+        digest = _short(file.read_bytes())
+        _require_as_imported(file, place, digest)
+        return digest
+    file = Path(place)
+    if _name_of_text(file) not in sys.modules:
+        raise ValueError(_told_changed(file))
+    return _short(file.read_bytes())
+
+
+def _held(code: Any) -> list[str]:
+    """What a function holds beside its lines, as text: values about it, and of arguments that no file fixes.
+
+    Raises:
+        TypeError, ValueError, AttributeError: more than data.
+    """
+    if isinstance(code, MethodType) and not isinstance(code.__self__, type):
+        raise TypeError(f"{code.__qualname__} is of an object")
+    if not isinstance(code, FunctionType):
+        return []
+    values: list[Any] = [cell.cell_contents for cell in code.__closure__ or ()]
+    if "<" in code.__qualname__:  # a lambda, or made by a function
+        values += filter(None, (code.__defaults__, code.__kwdefaults__))
+    return [json.dumps(value, default=operator.methodcaller("tolist")) for value in values]
 
 
 def note_code(code: Any) -> None:
@@ -326,13 +366,17 @@ class _Text(SourceFileLoader):
         return self.source_to_code(self.get_data(path), path)
 
 
+def _name_of_text(file: Path) -> str:
+    """The name of the module that holds a file as it is written now."""
+    return f"{file.stem}_{_short(f'{file}'.encode() + bytes(1) + file.read_bytes())}"
+
+
 def _module_of_file(place: str) -> ModuleType:
     """The module that a file holds, run once for each text of it; what lies beside it can be imported."""
     path = Path(place).expanduser().absolute()
     if not path.is_file():
         raise ValueError(f"no file {place}")
-    digest = hashlib.sha256(f"{path}\0".encode() + path.read_bytes()).hexdigest()[:16]
-    name = f"{path.stem}_{digest}"  # a worker that goes on reads a changed file again
+    name = _name_of_text(path)  # a worker that goes on reads a changed file again
     if name in sys.modules:
         return sys.modules[name]
     if str(path.parent) not in sys.path:

@@ -6,8 +6,8 @@ import hashlib
 from typing import Any
 
 from bug_gym.config import Scenario
-from bug_gym.references import code_digest
-from bug_gym.schema.own import OWN_PARTS, required_function
+from bug_gym.references import code_digest, place_digest
+from bug_gym.schema.own import OWN_PARTS, Trusted, required_function
 from bug_gym.worlds.own import OwnFamily, required_trust
 
 
@@ -32,7 +32,13 @@ def own_code(scenario: Scenario) -> dict[str, str]:
     Raises:
         ValueError: a file was changed after it was imported.
     """
-    return {told: code_digest(code) for told, code in own_parts(scenario).items()}
+    named = {f"{key}.{name}": own.function for key in OWN_PARTS for name, own in getattr(scenario, key).items()}
+    return {told: code_digest(code) or _place_of(named.get(told)) for told, code in own_parts(scenario).items()}
+
+
+def _place_of(function: Any) -> str:
+    """Digest of the file that names a function which is not written there as one; "" where none names it."""
+    return place_digest(function.reference) if isinstance(function, Trusted) else ""
 
 
 def data_digest(scenario: Scenario) -> str:

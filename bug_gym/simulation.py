@@ -31,6 +31,7 @@ from bug_gym.world import Capacity, Snapshot, World, world_span
 from bug_gym.worlds.field import FieldWorld
 from bug_gym.worlds.layout import Layout
 from bug_gym.worlds.own import required_trust
+from bug_gym.worlds.scattering import told_gaps
 
 if TYPE_CHECKING:
     from bug_gym.shortest_path import Path as ShortestPath
@@ -294,7 +295,7 @@ class Simulation:
             )
         raise ValueError(
             f"{where}: only {count} of {wanted} obstacles found a free place in {kernels.ATTEMPTS} attempts; "
-            f"they cover {100.0 * share:.0f} % of the world"
+            f"they cover {100.0 * share:.0f} % of the world{told_gaps(getattr(self.scenario.world, 'solvable', None))}"
         )
 
     def _place_layouts(self, rows: Rows, starts: Starts) -> None:

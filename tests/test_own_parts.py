@@ -28,6 +28,7 @@ from bug_gym.evaluation.collection import collect
 from bug_gym.navigation_env import NavigationEnv
 from bug_gym.own_parts import ARRAYS, EARLIER, KNOWN, LAST
 from bug_gym.robots_env import parallel_env
+from bug_gym.scenario_code import own_code
 from bug_gym.simulation import Simulation
 from bug_gym.vector_env import NavigationVectorEnv
 
@@ -408,6 +409,89 @@ def test_an_evaluation_with_a_function_of_a_notebook_goes_on_until_its_lines_cha
         run(of_a_notebook(cell.format(0.2)))
 
 
+def scaled(scale: Any) -> Any:
+    """A term that holds what it was made with."""
+    return lambda steps: scale * steps
+
+
+def by_default(scale: Any) -> Any:
+    return lambda steps, by=scale: by * steps
+
+
+@pytest.mark.parametrize("made", [scaled, by_default])
+@pytest.mark.parametrize("values", [(0.1, 0.2), (np.array([0.1]), np.array([0.2]))])
+def test_functions_that_hold_other_values_are_others(made: Any, values: tuple[Any, Any], tmp_path: Path) -> None:
+    def run(function: Any) -> int:
+        scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": function})
+        return len(evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows"))
+
+    one, other = values
+    assert run(made(one)) == run(made(one)) == 1
+    with pytest.raises(ValueError, match=r"holds another run: .*code\."):
+        run(made(other))
+
+
+class Paced:
+    """A term that is a method of an object."""
+
+    def __init__(self, scale: float) -> None:
+        self.scale = scale
+
+    def hurry(self, steps: Any) -> Any:
+        return self.scale * steps
+
+
+def test_nobody_can_go_on_with_a_method_of_an_object(tmp_path: Path) -> None:
+    def run(scale: float) -> int:
+        scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": Paced(scale).hurry})
+        return len(evaluate("go_to_goal", scenario, episodes=1, out=tmp_path / "rows"))
+
+    assert run(0.1) == 1
+    with pytest.raises(ValueError, match=r"reward_terms\.hurry is written in no file"):
+        run(0.2)
+
+
+MADE = """
+import functools
+
+def twice(steps, by):
+    return by * steps
+
+class Near:
+    def __init__(self, by):
+        self.by = by
+    def __call__(self, ranges):
+        return self.by * ranges.min(axis=1)
+
+near = """
+
+
+@pytest.mark.parametrize("made", ["functools.partial(twice, by={})", "Near({})"])
+def test_what_a_file_makes_and_names_belongs_to_the_file(made: str, named: Path, tmp_path: Path) -> None:
+    def keep(value: float) -> dict[str, str]:
+        (named.parent / "rewards.py").write_text(MODULE + MADE + made.format(value) + "\n", encoding="utf-8")
+        return own_code(load(named, trust=True))
+
+    first, again, other = keep(0.5), keep(0.5), keep(0.8)
+    assert first == again and first["reward_terms.near"] != other["reward_terms.near"]
+    scenario = load(named, trust=True)
+    keep(0.9)
+    with pytest.raises(ValueError, match=r"rewards\.py was changed after it was imported"):
+        own_code(scenario)
+
+
+def test_what_a_module_makes_and_names_belongs_to_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "terms_that_are_made.py"
+    file.write_text(MODULE + MADE + "functools.partial(twice, by=0.5)\n", encoding="utf-8")
+    terms = {"near": "terms_that_are_made:near"}
+    first, again = (own_code(load("static", reward_terms=terms, trust=True)) for _ in range(2))
+    assert first == again and first["reward_terms.near"]
+    file.write_text(MODULE + MADE + "functools.partial(twice, by=0.8)\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"terms_that_are_made\.py was changed after it was imported"):
+        own_code(load("static", reward_terms=terms, trust=True))
+
+
 def test_nobody_can_go_on_with_a_function_whose_lines_nobody_knows(tmp_path: Path) -> None:
     function = of_a_notebook("def hurry(steps):\n    return -0.3 * steps\n", has_lines=False)
     scenario = load("static", {"time.limit": 1.0}, reward_terms={"hurry": function})
@@ -545,6 +629,7 @@ def test_the_digest_tells_them_and_is_as_ever_without() -> None:
         ({"observation_fields": {"f": {"function": last_action, "low": 0}}}, r"observation_fields\.f\.high: missing"),
         ({"observation_fields": {"f": {"function": last_action, "low": 2, "high": 1}}}, "above high"),
         ({"observation_fields": {"f": {"function": last_action, "low": 0, "high": math.inf}}}, "finite number"),
+        ({"observation_fields": {"f": {"function": last_action, "low": 0, "high": 1e39}}}, "finite number of float32"),
         ({"observation_fields": {"f": {"function": last_action, "low": [0, 0], "high": 1}}}, r"bounds of shape \(2,\)"),
         ({"observation_fields": {"f": {"function": last_action, "low": 0, "high": 1, "shape": [0]}}}, "at least 1"),
         ({"observation_fields": {"f": {"function": last_action, "low": 0, "high": 1, "shape": [9**6]}}}, "at most"),
@@ -568,6 +653,8 @@ def test_what_cannot_be_is_told_before_anything_is_driven(own: Any, expected: st
         (lambda pose: np.zeros(len(pose), dtype=complex), "an array of complex128"),
         (lambda pose: np.full(len(pose), "a"), "an array of <U1"),
         (lambda pose: np.full(len(pose), None), "an array of object"),
+        (lambda pose: np.ma.masked_invalid(np.full(len(pose), np.nan)), "gave MaskedArray, expected an array"),
+        (RewardTerm(function=constant(value=1e300), weight=1e9), r"gave 1e\+300 for row 0, times its weight of 1e\+09"),
     ],
 )
 def test_a_value_that_is_no_term_is_told(function: Any, expected: str) -> None:

@@ -21,6 +21,8 @@ from bug_gym.schema.values import AtLeastOne, Part, Weight
 
 MOST_NUMBERS = 100_000
 """Numbers of a field for each robot, as beams of a scan."""
+MOST_FLOAT32 = float(np.finfo(np.float32).max)
+"""What is observed is float32; what lies beyond would be infinite."""
 
 
 class Trusted:
@@ -103,8 +105,10 @@ def _bound(value: object) -> object:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         array = np.array(np.nan)
-    if isinstance(value, (str, bool)) or not np.isfinite(array).all():
-        raise wrong(f"got {shortened(value)}, expected a finite number, or lists of them of the field's shape")
+    if isinstance(value, (str, bool)) or not (np.abs(array) <= MOST_FLOAT32).all():
+        raise wrong(
+            f"got {shortened(value)}, expected a finite number of float32, or lists of them of the field's shape"
+        )
     return _as_tuples(array.tolist())
 
 

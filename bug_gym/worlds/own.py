@@ -28,6 +28,9 @@ logger = logging.getLogger("bug_gym")
 GROUP = __name__.rpartition(".")[0]
 """Group of entry points by which an installed package offers families, named as this package: name = "module:Class"."""
 
+FIELDS = tuple(Family.model_fields)
+"""What every family has."""
+
 SHIPPED: list[str] = []
 """Names of this package's own families, which `bug_gym.worlds` fills in."""
 
@@ -144,7 +147,9 @@ def family_class(found: type[Family], reference: str) -> type[Family]:
     """The class of a family from outside as a scenario holds it: its `family` is what the scenario says."""
     said = (str, Field(description="Its name, or where its class is."))  # its own family may have a name already
     bases = (OwnFamily, found)
-    made = cast(Any, create_model(found.__name__, __base__=bases, __module__=found.__module__, family=said))
+    # OwnFamily stands before it, and has these, too: with the defaults of Family, not of the class itself.
+    own: dict[str, Any] = {name: (found.model_fields[name].annotation, found.model_fields[name]) for name in FIELDS}
+    made = cast(Any, create_model(found.__name__, __base__=bases, __module__=found.__module__, family=said, **own))
     made.reference, made.found = reference, found
     return cast("type[Family]", made)
 

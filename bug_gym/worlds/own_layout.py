@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 from pydantic_core import PydanticCustomError
 
 from bug_gym.checks import shortened
-from bug_gym.schema.motions import Motion
+from bug_gym.geometry import F64
+from bug_gym.schema.motions import Motion, Replay, Waypoints
 from bug_gym.schema.polygons import check_simple
-from bug_gym.worlds.clearance import is_clear
 from bug_gym.worlds.family import Crew, Family, Rng
 from bug_gym.worlds.layout import Layout, Mover
+from bug_gym.worlds.moving import with_direction
 from bug_gym.worlds.places import check_places
 
 MOTIONS = get_args(get_args(Motion)[0])
 """The classes of the motion laws."""
+
+ROUNDING = 1e-9
+"""What touches is free, whatever the rounding [m]."""
 
 Drawn = Callable[[Crew, Rng], Any]
 """A family's own `layout`."""
@@ -38,10 +43,11 @@ def checked_layout(family: Family, drawn: Drawn, told: str, crew: Crew, rng: Rng
 
     Raises:
         ValueError: what is no layout, or one that cannot be: numbers that are not finite, arrays of another shape, a ring
-            that crosses itself, a robot or a goal in an obstacle, or chance that does not come from `rng`.
+            that crosses itself, a border beyond the family's bounds, a robot or a goal in an obstacle or in a robot, a
+            mover that walls keep where it must not be, other places than are written, or chance that does not come from `rng`.
     """
     before = copy.deepcopy(rng) if twice else None
-    layout = drawn(crew, rng)
+    made = layout = drawn(crew, rng)
     if not isinstance(layout, Layout):
         raise ValueError(f"{told} gave {shortened(layout)}, expected a bug_gym.worlds.layout.Layout")
     robots = crew.robots.count
@@ -58,17 +64,41 @@ def checked_layout(family: Family, drawn: Drawn, told: str, crew: Crew, rng: Rng
         _require_mover(f"{told}: movers.{number}", mover)
     if layout.target is not None and not isinstance(layout.target, MOTIONS):
         raise ValueError(f"{told}: target: got {shortened(layout.target)}, expected a motion law of bug_gym.config")
+    _require_numbers(f"{told}: goal_room", [[layout.goal_room]], (1, 1))
+    layout = _in_arrays(layout)
     _require_simple(told, layout)
+    _require_within(f"{told}: border", layout.border, family)
+    _require_movers_in_the_open(told, layout)
     try:
-        check_places(
-            crew, layout, partial(is_clear, np.reshape(layout.circles, (-1, 3)), layout.polygons, layout.border)
-        )
+        check_places(crew, layout)
     except ValueError as error:
         raise ValueError(f"{told}: {error}") from None
-    if before is not None and not _are_alike(layout, drawn(crew, before)):
+    _require_as_written(told, crew, layout)
+    _require_apart(f"{told}: starts", crew, layout.starts)
+    if before is not None and not _are_alike(made, drawn(crew, before)):
         expected = "expected the same: all chance comes from `rng`, and nothing is kept from world to world"
         raise ValueError(f"{told} gave two layouts for the same arguments, {expected}")
-    return layout
+    movers = tuple(replace(mover, motion=with_direction(mover.motion, rng) or mover.motion) for mover in layout.movers)
+    return replace(layout, movers=movers, target=with_direction(layout.target, rng))
+
+
+def _in_arrays(layout: Layout) -> Layout:
+    """The same with an array for each list of numbers."""
+    return replace(
+        layout,
+        border=_array(layout.border),
+        starts=_array(layout.starts),
+        goals=_array(layout.goals),
+        circles=_array(layout.circles).reshape(-1, 3),
+        polygons=tuple(tuple(map(_array, rings)) for rings in layout.polygons),
+        movers=tuple(
+            mover if mover.is_circle else replace(mover, outline=_array(mover.outline)) for mover in layout.movers
+        ),
+    )
+
+
+def _array(numbers: Any) -> F64:
+    return np.asarray(numbers, dtype=np.float64)
 
 
 def _listed(told: str, several: Any) -> Iterable[Any]:
@@ -110,6 +140,64 @@ def _require_simple(told: str, layout: Layout) -> None:
             check_simple(outline)
         except PydanticCustomError as error:
             raise ValueError(f"{told}: {name}: {error}") from None
+
+
+def _require_within(told: str, border: F64, family: Family) -> None:
+    """Refuse a border beyond the box of the family's bounds, by which what is observed is bounded."""
+    xmin, ymin, xmax, ymax = family.box
+    beyond = (border < np.subtract((xmin, ymin), ROUNDING)) | (border > np.add((xmax, ymax), ROUNDING))
+    if beyond.any():
+        came = border[beyond.any(axis=1)][0].tolist()
+        raise ValueError(f"{told}: got the corner {came}, expected it within world.bounds, {list(family.box)}")
+
+
+def _require_movers_in_the_open(told: str, layout: Layout) -> None:
+    """Refuse movers that walls turn back, and so would keep for ever where they begin: over the border, or in a polygon."""
+    turned_back = [
+        (number, mover)
+        for number, mover in enumerate(layout.movers)
+        if not isinstance(mover.motion, (Waypoints, Replay))
+    ]
+    if not turned_back:
+        return
+    import shapely  # slow to load, and most scenarios need none
+
+    border = shapely.Polygon(layout.border)
+    polygons = [shapely.Polygon(shell, holes) for shell, *holes in layout.polygons]
+    for number, mover in turned_back:
+        at = np.asarray(mover.at, dtype=np.float64)
+        centre = shapely.Point(at)
+        if mover.is_circle:
+            is_inside = border.covers(centre) and border.exterior.distance(centre) >= float(mover.outline) - ROUNDING
+        else:
+            is_inside = border.buffer(ROUNDING).covers(shapely.Polygon(mover.outline + at))
+        if not is_inside:
+            expected = "expected a place at which it reaches over no border"
+            raise ValueError(f"{told}: movers.{number}.at: got {at.tolist()}, {expected}")
+        for polygon, outline in enumerate(polygons):
+            if outline.contains(centre):
+                expected = f"expected a place outside of polygons.{polygon}"
+                raise ValueError(f"{told}: movers.{number}.at: got {at.tolist()}, {expected}")
+
+
+def _require_as_written(told: str, crew: Crew, layout: Layout) -> None:
+    """Refuse other starts and goals than those that the scenario writes down for its robots."""
+    for number, place in enumerate(crew.robots.places[: crew.robots.count]):
+        for name, came, said in (("starts", layout.starts, place.start), ("goals", layout.goals, place.goal)):
+            if said is not None and came[number].tolist() != list(said):
+                expected = f"expected {list(said)}, as robots.places says"
+                raise ValueError(f"{told}: {name}.{number}: got {came[number].tolist()}, {expected}")
+
+
+def _require_apart(told: str, crew: Crew, starts: F64) -> None:
+    """Refuse robots that begin in one another."""
+    middles, most = starts[:, :2], 2.0 * crew.robot.reach
+    near = np.hypot(*(middles[:, None] - middles[None, :]).transpose(2, 0, 1)) < most
+    for one, other in np.argwhere(np.triu(near, 1)).tolist():
+        poses = starts[[one, other]].tolist()
+        body, its = (crew.robot.body((x, y, heading)) for x, y, heading in poses)
+        if any(math.dist(a[:2], b[:2]) < a[2] + b[2] - ROUNDING for a in body for b in its):
+            raise ValueError(f"{told}: robots {one} and {other} overlap at {poses}")
 
 
 def _require_radii(told: str, radii: Any) -> None:

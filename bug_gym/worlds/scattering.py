@@ -89,15 +89,19 @@ def scattered(crew: Crew, world: DrawnPlaces, scattering: Scattering, start: Pos
     free = is_apart(crew, world, scattering, start, goal, edge=gap or 0.0)
     circles = scatter(scattering.count, scattering.sizes, world.box, free, rng, gap=gap)
     if len(circles) < scattering.count:
-        raise ValueError(
-            f"only {len(circles)} of {scattering.count} obstacles found a free place{told_share(world, circles)}"
-        )
+        share = told_share(world, circles) + told_gaps(scattering.solvable)
+        raise ValueError(f"only {len(circles)} of {scattering.count} obstacles found a free place{share}")
     return circles
 
 
 def told_share(world: DrawnPlaces, circles: F64) -> str:
     """How full a world of circles (k, 3) is, as the end of a sentence."""
     return f"; they cover {100.0 * share_of_box(circles[:, 2], world.box):.0f} % of the world"
+
+
+def told_gaps(solvable: float | None) -> str:
+    """What else takes the room where a path is certain at a clearance [m], as the end of a sentence."""
+    return "" if solvable is None else f", and keep gaps of {2.0 * solvable:g} m (world.solvable: {solvable:g})"
 
 
 def is_apart(

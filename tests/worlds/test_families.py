@@ -311,7 +311,8 @@ def test_a_forest_without_a_promise_may_overlap_but_keeps_start_and_goal_clear()
 
 
 def test_a_forest_that_is_too_dense_says_how_many_trees_found_a_place_and_how_full_it_is() -> None:
-    with pytest.raises(ValueError, match=r"only \d+ of 60 obstacles found a free place; they cover \d+ % of the world"):
+    told = r"only \d+ of 60 obstacles found a free place; they cover \d+ % of the world, and keep gaps of 0\.6 m"
+    with pytest.raises(ValueError, match=told):
         layouts_of(scenario_of("forest", trees=60, sizes=[1.0, 1.0], bounds=[-6, -6, 6, 6], separation=1.0), 1)
 
 

@@ -23,6 +23,8 @@ from bug_gym.cli import main
 from bug_gym.config import Count, ScenarioError, dump, load, to_yaml
 from bug_gym.evaluation import evaluate
 from bug_gym.scenarios import as_explicit
+from bug_gym.schema.polygons import WeightedRegion
+from bug_gym.schema.values import Box
 from bug_gym.simulation import Simulation
 from bug_gym.worlds import own
 from bug_gym.worlds.family import Crew, DrawnPlaces, Rng
@@ -67,6 +69,13 @@ class Rows(DrawnPlaces):
     def layout(self, crew: Crew, rng: Rng) -> Layout:
         circles = np.column_stack([rng.uniform(-3, 3, (self.pegs, 2)), np.full(self.pegs, 0.2)])
         return finish(crew, self, (-8.0, 0.0, 0.0), (8.0, 0.0), circles=circles)
+
+
+class Wide(Rows):
+    """A family with bounds and ground of its own, whose border is a box."""
+
+    bounds: Box = (-30.0, -20.0, 30.0, 20.0)
+    regions: tuple[WeightedRegion, ...] = (WeightedRegion(circle=(0.0, 5.0, 1.0), factor=2.0),)
 
 
 @pytest.fixture(autouse=True)
@@ -327,6 +336,19 @@ def built(place: Path, name: str, what: str = "") -> Any:
             r"movers\.0\.at: got \[5.0, nan\], expected \(1, 2\) of finite",
         ),
         ("target='bounce'", "target: got 'bounce', expected a motion law"),
+        ("target=MOTION, goal_room=np.nan", r"goal_room: got \[nan\], expected \(1, 1\) of finite numbers"),
+        ("movers=(Mover(0.3, (0.1, 0.0), MOTION),)", r"robot 0 cannot start at \[0.0, 0.0, 0.0\]: an obstacle"),
+        ("movers=(Mover(0.3, (15.0, 0.0), MOTION),)", r"movers\.0\.at: got \[15.0, 0.0\], .* over no border"),
+        ("movers=(Mover(0.3, (9.8, 0.0), MOTION),)", r"movers\.0\.at: got \[9.8, 0.0\], .* over no border"),
+        ("movers=(Mover(SQUARE, (5.5, 0.0), MOTION),)", r"movers\.0\.at: got \[5.5, 0.0\], .* over no border"),
+        (
+            "movers=(Mover(0.1, (4.5, 4.5), MOTION),), polygons=((SQUARE,),)",
+            r"movers\.0\.at: got \[4.5, 4.5\], expected a place outside of polygons\.0",
+        ),
+        (
+            "border=np.array([[-10, -10], [10.5, -10], [10, 10], [-10, 10]])",
+            r"border: got the corner \[10.5, -10.0\], expected it within world\.bounds, \[-10.0, ",
+        ),
         (
             "circles=np.array([[5.0, 5.0, 1.0 + next(DRAWN)]])",
             "gave two layouts for the same arguments, expected the same: all chance comes from `rng`",
@@ -354,6 +376,66 @@ def test_a_layout_by_hand_is_drawn_as_it_is(place: Path) -> None:
         np.testing.assert_array_equal(layout.polygons[0][0], [[4, 4], [5, 4], [5, 5], [4, 5]])
 
 
+def test_lists_of_numbers_are_taken_as_arrays(place: Path) -> None:
+    told = "starts=[[0, 0, 0]], goals=[[3, 1]], border=[[-9, -9], [9, -9], [9, 9], [-9, 9]], circles=[]"
+    more = "polygons=[[SQUARE.tolist()]], movers=[Mover([[0, 0], [1, 0], [1, 1]], (-5, 5), MOTION)]"
+    simulation = Simulation(built(place, "Built", f"{told}, {more}"))
+    simulation.reset(seeds=[4])
+    layout = simulation.world.layout(0)
+    assert layout.starts.tolist() == [[0.0, 0.0, 0.0]] and layout.goals.tolist() == [[3.0, 1.0]]
+    assert len(layout.circles) == 0 and len(layout.movers) == 1 and len(layout.polygons[0][0]) == 4
+
+
+@pytest.mark.parametrize("what", ["movers=(Mover(0.3, (5.0, 5.0), HURRIED),)", "target=HURRIED"])
+def test_what_has_a_speed_goes_in_a_direction_that_is_drawn(what: str, place: Path) -> None:
+    told = what.replace("HURRIED", "Bounce(law='bounce', speed=0.5)")
+    simulation = Simulation(built(place, "Built", told), 3)
+    simulation.reset(seeds=[4, 5, 4])
+    before = [simulation.world.layout(row) for row in range(3)]
+    for _ in range(10):
+        simulation.step(np.zeros((3, 1, 2)))
+    ways = []
+    for row, layout in enumerate(before):
+        now = simulation.world.layout(row)
+        (at, to) = ((one.movers[0].at if one.movers else one.goals[0]) for one in (layout, now))
+        ways.append(np.subtract(to, at))
+    assert np.hypot(*np.transpose(ways)) == pytest.approx(0.5)  # in one second
+    assert ways[0].tolist() == ways[2].tolist() != ways[1].tolist()
+
+
+@pytest.mark.parametrize(("apart", "fits"), [(0.0, False), (0.3, False), (0.4, True)])
+def test_robots_begin_beside_one_another(apart: float, fits: bool, place: Path) -> None:
+    scenario = built(place, "Built", f"starts=np.array([[0.0, 0.0, 0.0], [{apart}, 0.0, 0.0]])")
+    simulation = Simulation(load(scenario, {"robots.count": 2, "robot.radius": 0.2}))
+    if fits:
+        simulation.reset(seeds=[4])
+        return
+    with pytest.raises(ValueError, match=r"built\.py:Built\.layout: starts: robots 0 and 1 overlap at \[\[0.0, "):
+        simulation.reset(seeds=[4])
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ([{"start": [1, 0, 0]}, {"start": [0, 2, 0]}], r"starts\.0: got \[0.0, 0.0, 0.0\], expected \[1.0, 0.0, 0.0\]"),
+        (
+            [{"start": [0, 0, 0], "goal": [3, 1]}, {"start": [0, 2, 0], "goal": [4, 4]}],
+            r"goals\.1: got \[3.0, 3.0\], expected \[4.0, 4.0\], as robots\.places says",
+        ),
+        ([{"start": [0, 0, 0], "goal": [3, 1]}, {"start": [0, 2, 0], "goal": [3, 3]}], ""),
+    ],
+)
+def test_robots_begin_and_end_where_the_scenario_says(written: Any, told: str, place: Path) -> None:
+    starts = "starts=np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]])"
+    goals = ", goals=np.array([[3.0, 1.0], [3.0, 3.0]])" if "goal" in written[0] else ""
+    scenario = load(built(place, "Built", starts + goals), {"robots.count": 2, "robots.places": written})
+    if not told:
+        Simulation(scenario).reset(seeds=[4])
+        return
+    with pytest.raises(ValueError, match=rf"built\.py:Built\.layout: {told}"):
+        Simulation(scenario).reset(seeds=[4])
+
+
 def test_a_family_whose_module_cannot_be_imported_is_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (place / "broken.py").write_text("1 / 0\n")
     (place / "needy.py").write_text("import nowhere_to_be_found\n")
@@ -366,6 +448,18 @@ def test_a_family_whose_module_cannot_be_imported_is_named(place: Path, monkeypa
     with pytest.raises(ZeroDivisionError) as broken:
         load({**MINE, "world": {"family": f"{place / 'broken.py'}:Pegs"}}, trust=True)
     assert broken.value.__notes__ == [f"family of worlds {place / 'broken.py'}:Pegs"]
+
+
+def test_what_every_family_has_is_as_the_class_itself_says() -> None:
+    world = {"family": Wide, "pegs": 1}
+    scenario = load({"world": world})
+    assert scenario.world.bounds == Wide().bounds and scenario.world.regions == Wide().regions
+    simulation = Simulation(scenario)
+    simulation.reset(seeds=[4])
+    assert np.abs(simulation.world.layout(0).border).max(axis=0).tolist() == [30.0, 20.0]
+    assert load({"world": {**world, "bounds": [-9, -9, 9, 9]}}).world.bounds == (-9.0, -9.0, 9.0, 9.0)
+    with pytest.raises(ScenarioError, match=r"world\.bounds: .*expected a box .*: this family has no other border"):
+        load({"world": {**world, "bounds": [[-9, -9], [9, -9], [0, 9]]}})
 
 
 def test_what_a_family_does_otherwise_than_asked_is_told_in_a_line(place: Path) -> None:

@@ -140,6 +140,7 @@ def test_a_field_that_is_too_full_says_how_full_it_is(gap: float | None) -> None
         ValueError, match=r"only \d+ of 400 obstacles found a free place .* cover \d+ % of the world"
     ) as error:
         field(2, **crowd)
+    assert ("keep gaps of 0.6 m (world.solvable: 0.3)" in str(error.value)) == (gap is not None)
     words = str(error.value).split()
     placed = int(words[words.index("only") + 1])
     assert 20 < placed < 400
