@@ -4,8 +4,8 @@ Source: Hasibuzzaman, Jan and Wu name prediction, two-phase collision avoidance 
 moves, without a rule; the rules are ours.
 
 Phase 1, anticipation: something predicted will pass nearer than the margin within the horizon. Candidates are 32 headings
-x 4 speeds about the one that it wants; their cost is what is left to go, and the chance to be hit, which the prediction's
-spread weighs; to pass behind a mover is worth a share of the detection radius.
+x 4 speeds about the one that it wants; their cost is what is left to go and to turn, and the chance to be hit, which the
+prediction's spread weighs; to pass behind a mover is worth a share of the detection radius.
 
 Phase 2, reaction: something that comes nearer is nearer than the margin and half a second's way, and no velocity of the
 first phase is likely to get by. Then only headings within 15 degrees of a right angle to the line of sight count, on the
@@ -41,8 +41,11 @@ RINGS = 4
 SIDEWAYS: F64 = np.radians([-15.0, -7.5, 0.0, 7.5, 15.0])
 """How far from a right angle to the line of sight the second phase looks [rad]."""
 
-RISK, HABIT, BEHIND = 16.0, 0.1, 0.2
+RISK, HABIT, BEHIND = 32.0, 0.1, 0.2
 """Weights of the chance of a hit [m], of a turn [m/rad], and what it is worth to pass behind, in detection radii."""
+
+TURN = 0.25
+"""Which share of the way that it could go while it turns to its place counts as way: without, it turns to and fro."""
 
 LIKELY = 0.5
 """A chance of a hit, fading with time, above which the first phase has failed."""
@@ -160,8 +163,12 @@ class Avoidance:
         """What comes of velocities among movers."""
         return hit_risks(
             self.drive, scene.view.pose, self.sensors.radius, velocities, movers.places, movers.tracks.radius,
-            movers.spread, self.times, compare,
+            movers.spread, self.times, compare, self._goal(scene),
         )  # fmt: skip
+
+    def _goal(self, scene: Scene) -> tuple[float, float, float]:
+        """Where it is, and its radius [m]."""
+        return *scene.view.goal_position, self.sensors.goal_radius
 
     # ------------------------------------------------------------------------------------------------- phase 1
 
@@ -173,15 +180,26 @@ class Avoidance:
         spacing = float(self.times[0])
         compare = min(max(round(memory.reach / self.motion.speeds[0] / spacing), 3), len(self.times)) - 1
         result = self._roll_out(scene, velocities, movers, compare)
-        rest = np.hypot(*(result.end - np.array(place)).T)
+        rest = self._rest(result, place)
         turned = np.abs(np.angle(np.exp(1j * (velocities.directions - memory.direction))))
         cost = self.parameters.alpha * rest + self.parameters.beta * (RISK * result.nearness + HABIT * turned)
         cost -= BEHIND * memory.reach * self._is_behind(scene, movers, velocities)
         best = int(cost.argmin())
-        memory.candidates, memory.costs = result.end, cost
+        memory.candidates, memory.costs = result.end[:, :2], cost
         memory.chosen = float(result.end[best, 0]), float(result.end[best, 1])
         speed = min(float(velocities.speeds[best]), float(velocities.free[best]) / self.drive.step)
         return (float(velocities.directions[best]), max(speed, TURNING)), float(result.nearness[best])
+
+    def _rest(self, result: RollOut, place: Point) -> F64:
+        """What is left to go to a place (m,) [m], the time to turn to it taken for a way; less than none from the goal on."""
+        top = self.motion.speeds[0]
+        dx, dy = place[0] - result.end[:, 0], place[1] - result.end[:, 1]
+        rest = np.hypot(dx, dy)
+        if self.drive.kinematics != "holonomic":
+            turn = np.abs(np.angle(np.exp(1j * (np.arctan2(dy, dx) - result.end[:, 2]))))
+            rest += TURN * top * turn / self.drive.max_turn_rate
+        left: F64 = np.where(result.early > 0.0, -top * result.early, rest)
+        return left
 
     def _candidates(self, scene: Scene, memory: HDBugMemory, desired: tuple[float, float]) -> Velocities:
         """The grid of velocities about the desired direction, each as fast as eq. (9) allows, and to stand."""
@@ -258,6 +276,6 @@ class Avoidance:
         back = Velocities(np.array([view.heading + math.pi]), np.array([speed]), np.array([np.inf]))
         result = hit_risks(
             self.backward, view.pose, self.sensors.radius, back, movers.places, movers.tracks.radius, movers.spread,
-            self.times, 0,
+            self.times, 0, self._goal(scene),
         )  # fmt: skip
         return float(result.nearness[0]) < standing

@@ -61,7 +61,9 @@ class RollOut(NamedTuple):
     nearness: F64
     """The greatest chance of a hit, fading with time, summed over the discs (m,)."""
     end: F64
-    """Where it is after the time to be compared at (m, 2) [m]."""
+    """Where it is after the time to be compared at (m, 3): x, y [m], heading [rad]."""
+    early: F64
+    """How long before that it is at the goal (m,) [s]; 0: it is not."""
 
 
 def steering_of(drive: Drive) -> Steering:
@@ -99,6 +101,7 @@ def hit_risks(
     spread: F64,
     times: F64,
     compare: int,
+    goal: tuple[float, float, float],
 ) -> RollOut:
     """Roll out desired velocities among discs whose places are known up to a spread.
 
@@ -114,15 +117,16 @@ def hit_risks(
         spread: (T, K) standard deviation of each coordinate [m].
         times: (K,) rising, evenly spaced, the first one spacing from now [s].
         compare: index of the time at which `end` is taken.
+        goal: x, y, radius [m]; nothing hits a robot that has been there.
 
     Returns:
         contact: the time at which it is as likely hit as not (m,) [s]; nearness: the greatest chance of a hit, fading
-        with time, summed over the discs (m,); end: see RollOut.
+        with time, summed over the discs (m,); end and early: see RollOut.
     """
     m = len(velocities.directions)
-    result = RollOut(np.full(m, np.inf), np.zeros(m), np.empty((m, 2)))
+    result = RollOut(np.full(m, np.inf), np.zeros(m), np.empty((m, 3)), np.zeros(m))
     worst = np.empty(len(radii))
-    _hit_risks(steering_of(drive), pose, radius, velocities, places, radii, spread, times, compare, worst, result)
+    _hit_risks(steering_of(drive), pose, radius, velocities, places, radii, spread, times, compare, goal, worst, result)
     return result
 
 
@@ -137,11 +141,12 @@ def _hit_risks(
     spread: Floats,
     times: Floats,
     compare: int,
+    goal: tuple[float, float, float],
     worst: Floats,
     result: RollOut,
 ) -> None:
     directions, speeds, free = velocities
-    contact, nearness, end = result
+    contact, nearness, end, early = result
     dt = times[0]
     for i in range(directions.size):
         px, py, theta = pose
@@ -159,6 +164,10 @@ def _hit_risks(
                 if chance >= 0.5 and contact[i] == np.inf:
                     contact[i] = times[k]
                 worst[t] = max(worst[t], chance * fade)
-            if k == compare:
-                end[i, 0], end[i, 1] = px, py
+            is_there = (px - goal[0]) ** 2 + (py - goal[1]) ** 2 <= goal[2] * goal[2]
+            if k == compare or (is_there and k < compare):
+                end[i, 0], end[i, 1], end[i, 2] = px, py, theta
+                early[i] = times[compare] - times[k]
+            if is_there:
+                break
         nearness[i] = worst.sum()

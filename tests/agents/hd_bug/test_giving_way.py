@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bug_gym.agents import make_policy
-from bug_gym.agents.hd_bug.avoid import BEHIND, HABIT, SIDEWAYS, Movers
+from bug_gym.agents.hd_bug.avoid import BEHIND, HABIT, SIDEWAYS, TURN, Movers
 from bug_gym.agents.hd_bug.perceive import Scene
-from bug_gym.agents.hd_bug.roll_out import Velocities
+from bug_gym.agents.hd_bug.roll_out import RollOut, Velocities
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
 
@@ -131,3 +131,21 @@ def test_a_turn_from_the_last_direction_costs_by_its_angle() -> None:
     np.testing.assert_allclose(
         costs[1] - costs[0], avoidance.parameters.beta * HABIT * (apart[1] - apart[0]), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "differential"])
+def test_a_robot_that_has_to_turn_to_its_place_has_more_left_to_go(kinematics: str) -> None:
+    avoidance, *_ = moment(((5.0, 0.0), (0.0, 0.0)), kinematics=kinematics)
+    turns = np.array([0.0, 1.0, -2.0, math.pi])
+    ends = np.column_stack([np.zeros((4, 2)), turns])
+    rest = avoidance._rest(RollOut(np.full(4, np.inf), np.zeros(4), ends, np.zeros(4)), (3.0, 0.0))
+    drive = avoidance.drive
+    turning = 0.0 if kinematics == "holonomic" else TURN * drive.max_speed / drive.max_turn_rate
+    np.testing.assert_allclose(rest, 3.0 + turning * np.abs(turns))
+
+
+def test_to_be_at_the_goal_early_is_worth_the_way_that_it_could_have_gone() -> None:
+    avoidance, *_ = moment(((5.0, 0.0), (0.0, 0.0)))
+    ends, early = np.array([[0.1, 0.0, 0.0]] * 3), np.array([0.0, 0.1, 0.4])
+    rest = avoidance._rest(RollOut(np.full(3, np.inf), np.zeros(3), ends, early), (0.2, 0.0))
+    np.testing.assert_allclose(rest, [0.1, -0.1 * avoidance.drive.max_speed, -0.4 * avoidance.drive.max_speed])

@@ -35,6 +35,7 @@ def rolled(
     spread: Any = SPREAD,
     compare: int = COUNT - 1,
     times: F64 = TIMES,
+    goal: tuple[float, float, float] = (99.0, 0.0, 0.1),
 ) -> RollOut:
     """A roll-out; places (T, K, 2), radii a number or (T,), spread a number or (T, K)."""
     directions = np.atleast_1d(np.asarray(directions, dtype=float))
@@ -43,7 +44,8 @@ def rolled(
     places = np.empty((0, len(times), 2)) if places is None else places
     radii = np.broadcast_to(np.asarray(radii, dtype=float), places.shape[:1]).copy()
     spread = np.broadcast_to(np.asarray(spread, dtype=float), places.shape[:2]).copy()
-    return hit_risks(drive, pose, RADIUS, Velocities(directions, speeds, free), places, radii, spread, times, compare)
+    velocities = Velocities(directions, speeds, free)
+    return hit_risks(drive, pose, RADIUS, velocities, places, radii, spread, times, compare, goal)
 
 
 def moving(place: tuple[float, float], velocity: tuple[float, float]) -> F64:
@@ -110,7 +112,7 @@ def test_a_holonomic_robot_fares_as_the_definitions_say(seed: int) -> None:
         contact, nearness, at = plain(directions[i], speeds[i], free[i], places, radii, spread)
         assert result.contact[i] == contact
         assert result.nearness[i] == pytest.approx(nearness, abs=1e-9)
-        np.testing.assert_allclose(result.end[i], at[12], atol=1e-9)
+        np.testing.assert_allclose(result.end[i, :2], at[12], atol=1e-9)
     assert np.isfinite(result.contact).any() and not np.isfinite(result.contact).all()
 
 
@@ -135,14 +137,14 @@ def test_a_differential_robot_goes_where_the_simulations_own_goes(bearing: float
     result = rolled(direction, speed, drive=DIFFERENTIAL, compare=steps - 1)
     expected = simulated((speed * math.cos(direction), speed * math.sin(direction)), steps)
     # The chord of an arc of at most 0.15 rad is 0.1 % shorter than the arc; actions are single precision.
-    np.testing.assert_allclose(result.end[0], expected, atol=0.001 * speed * steps * STEP + 1e-5)
+    np.testing.assert_allclose(result.end[0, :2], expected, atol=0.001 * speed * steps * STEP + 1e-5)
 
 
 @pytest.mark.parametrize("error", [1.0, 2.0, 3.0])
 def test_a_differential_robot_turns_before_it_goes(error: float) -> None:
     turning = (error - TURN_IN_PLACE) / DIFFERENTIAL.max_turn_rate
     before = int(turning / STEP)
-    ends = [rolled(error, 1.0, drive=DIFFERENTIAL, compare=k).end[0] for k in (before - 1, before + 2)]
+    ends = [rolled(error, 1.0, drive=DIFFERENTIAL, compare=k).end[0, :2] for k in (before - 1, before + 2)]
     np.testing.assert_array_equal(ends[0], [0.0, 0.0])
     assert math.hypot(*ends[1]) > 0.05
 
@@ -151,7 +153,7 @@ def test_a_differential_robot_turns_before_it_goes(error: float) -> None:
 @pytest.mark.parametrize("free", [0.0, 0.35, 1.7])
 def test_it_stops_where_the_free_way_ends(drive: Drive, free: float) -> None:
     result = rolled(0.0, 1.0, drive=drive, free=free)
-    np.testing.assert_allclose(result.end[0], [free, 0.0], atol=1e-9)
+    np.testing.assert_allclose(result.end[0, :2], [free, 0.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("compare", [0, 7, 29])
@@ -159,7 +161,7 @@ def test_the_end_is_where_it_is_at_the_time_to_be_compared(compare: int) -> None
     result = rolled([0.3, -2.0], [0.5, 1.0], compare=compare)
     way = np.array([0.5, 1.0]) * TIMES[compare]
     expected = way[:, None] * np.column_stack([np.cos([0.3, -2.0]), np.sin([0.3, -2.0])])
-    np.testing.assert_allclose(result.end, expected, atol=1e-9)
+    np.testing.assert_allclose(result.end[:, :2], expected, atol=1e-9)
 
 
 def test_times_twice_as_dense_find_the_same_contact_up_to_a_step() -> None:
@@ -199,4 +201,18 @@ def test_a_turned_and_shifted_scene_fares_alike(drive: Drive) -> None:
     second = rolled(directions + angle, 0.7, drive=drive, pose=pose, places=places @ turn + shift)
     np.testing.assert_array_equal(first.contact, second.contact)
     np.testing.assert_allclose(first.nearness, second.nearness, atol=1e-9)
-    np.testing.assert_allclose(first.end @ turn + shift, second.end, atol=1e-9)
+    np.testing.assert_allclose(first.end[:, :2] @ turn + shift, second.end[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize("drive", [HOLONOMIC, DIFFERENTIAL], ids=["holonomic", "differential"])
+def test_a_robot_that_has_been_at_its_goal_is_not_hit_any_more(drive: Drive) -> None:
+    mover = moving((2.0, 0.0), (0.0, 0.0))
+    far, near = (rolled(0.0, 1.0, drive=drive, places=mover, goal=(x, 0.0, 0.25)) for x in (9.0, 1.0))
+    assert far.contact[0] == pytest.approx(1.5) and far.early[0] == 0.0 and far.nearness[0] > 0.0
+    assert near.contact[0] == math.inf and near.nearness[0] < 1e-6
+    assert near.end[0, 0] == pytest.approx(0.8) and near.early[0] == pytest.approx(TIMES[-1] - 0.8)
+
+
+def test_a_roll_out_ends_with_the_heading_that_it_has_then() -> None:
+    for drive, turned in ((HOLONOMIC, 0.0), (DIFFERENTIAL, 1.5 * 4 * STEP)):  # it turns at 1.5 rad/s
+        assert rolled(math.pi - 0.1, 0.5, drive=drive, compare=3).end[0, 2] == pytest.approx(turned)
