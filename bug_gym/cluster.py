@@ -33,6 +33,9 @@ R = TypeVar("R")
 
 RETRIES = 5
 """How often a job is tried again whose process or node was lost: nodes may go, but a job that ends its process must end."""
+MEMORY_RETRIES, TOLD_RAY = 10, "RAY_task_oom_retries"
+"""How often one is that was ended for want of memory, after a longer pause each time, and what tells Ray so, which would go on
+for ever."""
 AHEAD = 2
 """Jobs handed in for each core: one that runs, and one that waits for its end."""
 GLANCE = 2.0
@@ -191,12 +194,12 @@ def _result(asked: ray.ObjectRef[R]) -> R:
     """The result of a job that has ended.
 
     Raises:
-        WorkerLostError: it lost its process too often.
+        WorkerLostError: it lost its process too often, or memory has never been enough for it.
         ImportError: this package is not to be imported on the node.
         Exception: what the job itself has raised.
     """
     import ray
-    from ray.exceptions import RayError, RaySystemError, RayTaskError
+    from ray.exceptions import OutOfMemoryError, RayError, RaySystemError, RayTaskError
 
     try:
         return ray.get(asked)
@@ -205,6 +208,9 @@ def _result(asked: ray.ObjectRef[R]) -> R:
             reason = str(error.cause).partition("\n")[0]
             raise ImportError(f"a node cannot begin a job: {reason}") from None
         raise error.cause from None
+    except OutOfMemoryError:
+        less = "with fewer cores a node (ray start --num-cpus) less is needed"
+        raise WorkerLostError(f"a job was ended again and again, as its node had too little memory; {less}") from None
     except RayError as error:
         lost = f"a job lost its process or node {RETRIES + 1} times"
         raise WorkerLostError(f"{lost}, last by {type(error).__name__}; is there memory enough?") from None
@@ -230,11 +236,14 @@ def connected(address: str) -> Iterator[Cluster]:
         _require_answer(address)
     elif _is_place(named := os.environ.get("RAY_ADDRESS", "")):
         _require_answer(named, ", which RAY_ADDRESS names")
+    os.environ.setdefault(TOLD_RAY, str(MEMORY_RETRIES))
     try:
         with _own_ending():
             ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0]
+        if address != "auto" and "RAY_AUTH_MODE" not in os.environ:  # with "auto" Ray sets it itself
+            reason += " (if it asks for a token, as those of `ray start` since Ray 2.59: export RAY_AUTH_MODE=token)"
         raise ValueError(f"no cluster to be used at {shortened(address)}: {reason}") from None
     try:
         yield Cluster(lasts=False)

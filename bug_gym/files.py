@@ -67,7 +67,8 @@ def writable(path: str | Path, suffixes: Sequence[str] = ()) -> Path:
         suffixes: what the name may end in, such as `.png`, in small or large letters; none: anything.
 
     Raises:
-        ValueError: another suffix, no folder to write into, or something there that is no regular file.
+        ValueError: another suffix, no folder to write into, or none that this user may, or something there that is no regular
+            file.
     """
     target = out_path(path)
     if suffixes and target.suffix.lower() not in suffixes:
@@ -76,6 +77,8 @@ def writable(path: str | Path, suffixes: Sequence[str] = ()) -> Path:
         raise ValueError(f"got {target} to write to, expected a name that ends in {allowed}")
     if not target.parent.is_dir():
         raise ValueError(f"no folder {target.parent} to write {target.name} into")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise ValueError(f"the folder {target.parent} does not let this user write {target.name} into it")
     with suppress(FileNotFoundError):
         mode = target.lstat().st_mode
         if not stat.S_ISREG(mode):

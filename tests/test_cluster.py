@@ -334,3 +334,55 @@ def test_workers_and_a_cluster_exclude_one_another(capsys: pytest.CaptureFixture
         main(["evaluate", "--scenario", "static", "--workers", "2", "--cluster", "auto"])
     assert left.value.code == 2
     assert "not allowed with argument" in capsys.readouterr().err
+
+
+MEMORY_IS_NEVER_ENOUGH = """
+import time
+from ray.cluster_utils import Cluster
+from bug_gym import cluster
+from bug_gym.workers import WorkerLostError, each
+
+cluster.MEMORY_RETRIES = 1
+watched = {"memory_usage_threshold": 0.001, "memory_monitor_refresh_ms": 100}
+nodes = Cluster(True, head_node_args={"num_cpus": 1, "include_dashboard": False, "_system_config": watched})
+with cluster.connected(nodes.address) as crew:
+    try:
+        list(each(time.sleep, [60.0], crew))
+    except WorkerLostError as error:
+        print(f"told: {error}")
+nodes.shutdown()
+"""
+
+
+def test_a_job_for_which_memory_is_never_enough_is_given_up() -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY_IS_NEVER_ENOUGH],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "told: a job was ended again and again, as its node had too little memory" in done.stdout, done.stderr[
+        -2000:
+    ]
+
+
+@pytest.mark.parametrize(("mode", "is_told"), [(None, True), ("token", False), ("disabled", False)])
+def test_who_is_not_let_in_is_told_of_tokens(mode: str | None, is_told: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(**_: Any) -> None:
+        raise ConnectionError("Failed to connect")
+
+    monkeypatch.delenv("RAY_AUTH_MODE", raising=False)
+    if mode is not None:
+        monkeypatch.setenv("RAY_AUTH_MODE", mode)
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", refused)
+    monkeypatch.setattr(cluster_module, "_require_answer", lambda *_: None)
+    with (
+        pytest.raises(ValueError, match="no cluster to be used at '10.0.0.1:6379': Failed") as told,
+        connected("10.0.0.1:6379"),
+    ):
+        pass
+    assert ("RAY_AUTH_MODE=token" in str(told.value)) == is_told

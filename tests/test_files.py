@@ -195,6 +195,28 @@ def test_what_is_no_regular_file_is_neither_replaced_nor_written_to(
     assert names_in(tmp_path) == {"x", "elsewhere"}
 
 
+NOBODY_ASKS = """
+import os, sys
+from bug_gym.files import writable
+if os.getuid() == 0:  # who may write anywhere
+    os.setuid(65534)
+try:
+    print(writable(sys.argv[1]))
+except ValueError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="of users and modes as POSIX has them")
+def test_a_folder_that_may_not_be_written_into_is_told_before_the_work() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        for mode, told in [(0o777, f"{folder}/new"), (0o555, f"the folder {folder} does not let this user write new")]:
+            Path(folder).chmod(mode)
+            command = [sys.executable, "-c", NOBODY_ASKS, f"{folder}/new"]
+            said = subprocess.run(command, capture_output=True, text=True, check=True)
+            assert said.stdout.startswith(told)
+
+
 def test_devices_and_folders_are_not_writable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for path, said in ((os.devnull, "a device"), (".", "a folder"), ("..", "a folder"), ("", "a folder")):

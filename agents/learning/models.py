@@ -388,11 +388,19 @@ def load_weights(path: Path, network: torch.nn.Module, checksum: str) -> None:
     Raises:
         ValueError: the file is missing or damaged, or of another network.
     """
-    data = read_checked(path, checksum)
+    data, told = read_checked(path, checksum), f"{path} cannot be read into this network"
     try:
-        network.load_state_dict(load(data))
+        found = load(data)
     except (SafetensorError, RuntimeError, KeyError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read into this network: {error}") from None
+        raise ValueError(f"{told}: {error}") from None
+    came, expected = (
+        {name: tuple(value.shape) for name, value in some.items()} for some in (found, network.state_dict())
+    )
+    for name in dict.fromkeys([*expected, *came]):  # of which torch would tell all that differ
+        if came.get(name) != expected.get(name):
+            was, now = (shape.get(name, "none") for shape in (came, expected))
+            raise ValueError(f"{told}: {name} has the shape {was}, expected {now}")
+    network.load_state_dict(found)
 
 
 def load_zip(path: str | Path) -> BaseAlgorithm:

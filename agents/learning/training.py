@@ -54,12 +54,14 @@ from bug_gym.agents.learning.networks import RobotEncoding
 from bug_gym.agents.learning.progress import CURVE, Events, Progress, write_curve
 from bug_gym.agents.learning.robot_model import RobotModel
 from bug_gym.agents.learning.settings import (
+    ALGORITHMS,
     AnySettings,
     DQNSettings,
     OfflineSettings,
     OffPolicySettings,
     PPOSettings,
     SACSettings,
+    Settings,
     load_settings,
 )
 from bug_gym.agents.learning.shown import SAVING, TESTING, VALIDATING, WRITING, Report, reported
@@ -462,21 +464,10 @@ def train_in_folder(
         ValueError: as `train` has it.
     """
     seed = checked_seed(seed)
-    first_world(seed)
     if minutes is not None:
         checked_time("minutes", minutes)
-    begun = None if settings.start_from is None else model_folder(settings.start_from)
-    _ = settings.made_of  # from here on files may change
-    if begun is not None:
-        require_same_network(begun, settings)  # what is wrong is found out before anything is written
     folder = out_path(out)
-    if (folder / "rows.jsonl").exists():
-        raise ValueError(
-            f"{folder} holds the rows of an evaluation, expected a new folder or that of an earlier training"
-        )
-    for model in (folder, *models_so_far(folder)):
-        require_same(model, settings, [seed])
-    require_to_go_on(folder, settings)
+    begun = require_trainable(settings, {seed: folder})  # what is wrong is found out before anything is written
     folder.mkdir(parents=True, exist_ok=True)
     with one_writer(folder):
         require_same(folder, settings, [seed])  # somebody may have ended just now
@@ -486,6 +477,37 @@ def train_in_folder(
             return work(folder, settings, seed, begun, minutes=minutes)
         finally:
             torch.set_flush_denormal(False)  # it holds for all that this process computes, not for torch alone
+
+
+def require_trainable(settings: AnySettings, folders: Mapping[int, Path], *, is_elsewhere: bool = False) -> Path | None:
+    """Refuse what cannot be trained, before anything is written, or collected to learn from.
+
+    Args:
+        settings: of the training.
+        folders: of the model of each seed.
+        is_elsewhere: whether other processes are to train.
+
+    Returns:
+        The folder of the model that it begins with, if any.
+
+    Raises:
+        ValueError: as `train` has it.
+    """
+    for seed in folders:
+        first_world(seed)
+    begun = None if settings.start_from is None else model_folder(settings.start_from)
+    _ = settings.made_of  # from here on files may change
+    if begun is not None:
+        require_same_network(begun, settings)
+    for seed, folder in folders.items():
+        if (folder / "rows.jsonl").exists():
+            raise ValueError(
+                f"{folder} holds the rows of an evaluation, expected a new folder or that of an earlier training"
+            )
+        for model in (folder, *models_so_far(folder)):
+            require_same(model, settings, [seed])
+        require_to_go_on(folder, settings, is_elsewhere=is_elsewhere)
+    return begun
 
 
 def require_same(folder: Path, settings: AnySettings, seeds: Sequence[int]) -> None:
@@ -605,20 +627,31 @@ def begin_with(network: BasePolicy, begun: Path | None) -> None:
 
 
 def require_same_network(begun: Path, settings: AnySettings) -> None:
-    """Refuse to begin with a model whose weights mean something else; of one for another robot a word is said, once.
-
-    Layers of other widths are found when the weights are read.
+    """Refuse to begin with a model of another network; of one for another robot a word is said, once.
 
     Raises:
-        ValueError: it is of another encoding, activation, action or history; or its files are damaged.
+        ValueError: it is of other layers, or its weights mean something else: another kind of algorithm, encoding, activation,
+            action or history, or other numbers of a robot's observation; or its files are damaged.
     """
     config, here = read_config(begun), json.loads(settings.model_dump_json())
-    for key in ("encoding", "action", "history", "policy_kwargs.activation_fn"):
-        was, now = _below(config["settings"], key), _below(here, key)
+    robot, ours = RobotModel.from_dict(config["robot"]), robot_of(settings.loaded)
+    keys = ("encoding", "action", "history", "policy_kwargs.net_arch", "policy_kwargs.activation_fn")
+    parts = {
+        "its algorithm": tuple(map(_network_of, (config["settings"], here))),
+        **{key: (_below(config["settings"], key), _below(here, key)) for key in keys},
+        **{name: (getattr(robot, name), getattr(ours, name)) for name in ("beams", "peers", "own_width")},
+    }
+    for name, (was, now) in parts.items():
         if was != now:
-            raise ValueError(f"{begun} is of another network: {key} was {shortened(was)}, is now {shortened(now)}")
-    if differences := list(RobotModel.from_dict(config["robot"]).differences(robot_of(settings.loaded))):
+            raise ValueError(f"{begun} is of another network: {name} was {shortened(was)}, is now {shortened(now)}")
+    if differences := list(robot.differences(ours)):
         warn_once(f"{begun}, which is begun with, was made for another robot: {'; '.join(differences)}")
+
+
+def _network_of(settings: Mapping[str, Any]) -> str:
+    """The algorithm whose network a training has: those that learn offline have PPO's."""
+    algo = str(settings.get("algo"))
+    return "ppo" if issubclass(ALGORITHMS.get(algo, Settings), OfflineSettings) else algo
 
 
 def _below(settings: Mapping[str, Any], key: str) -> Any:
@@ -743,6 +776,30 @@ def told_left(
     return f"{kept}the same command begins {again}again{'' if best is None else f'; the best so far is in {best}/'}"
 
 
+def left_to_train(
+    settings: AnySettings, out: Path, seeds: Sequence[int], minutes: float | None, *, is_elsewhere: bool
+) -> dict[int, Path]:
+    """The folders of the seeds that are not done, by seed, after it was asked whether all can be trained.
+
+    Args:
+        settings, out, seeds, minutes: as `train_seeds` takes them.
+        is_elsewhere: whether other processes are to train.
+
+    Raises:
+        ValueError: as `train` has it.
+    """
+    checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
+    for seed in seeds:
+        first_world(seed)  # the last one is found out before the first is trained
+    if len(seeds) > 1:
+        require_same(out / "agent", settings, seeds)
+    folders = folders_of(out, seeds)
+    missing = {seed: folder for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)}
+    if missing:
+        require_trainable(settings, missing, is_elsewhere=is_elsewhere)
+    return missing
+
+
 def folders_of(out: Path, seeds: Sequence[int]) -> dict[int, Path]:
     """The folder of each seed's model."""
     return {seed: out / f"seed-{seed}" for seed in seeds} if len(seeds) > 1 else {seeds[0]: out}
@@ -797,28 +854,23 @@ def each_seed(
         settings, out, seeds, workers, minutes: as `train_seeds` takes them.
         one: trains one, of settings and folder and `seed`.
     """
-    checked_count("the number of seeds", len(seeds), most=MOST_TRAININGS)
-    for seed in seeds:
-        first_world(seed)  # the last one is found out before the first is trained
     whole, is_elsewhere = out_path(out), are_several(workers)
     folders = folders_of(whole, seeds)
+    left = partial(left_to_train, settings, whole, seeds, minutes, is_elsewhere=is_elsewhere)
+    missing = left()
     with ExitStack() as stack:
         if len(seeds) > 1:
             _hold(whole, stack)
-            require_same(whole / "agent", settings, seeds)
-        missing = [(seed, folder) for seed, folder in folders.items() if not is_done(settings, folder, seed, minutes)]
-        for _, folder in missing if is_elsewhere else ():  # who trains here holds its folder itself
+        for folder in missing.values() if is_elsewhere else ():  # who trains here holds its folder itself
             _hold(folder, stack)
-        for seed, folder in missing:
-            require_same(folder, settings, [seed])
-            require_to_go_on(folder, settings, is_elsewhere=is_elsewhere)
+        missing = left()  # somebody may have ended just now
         if is_elsewhere:
-            for _, folder in missing:
+            for folder in missing.values():
                 keep_earlier_curve(folder)
-            for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing], workers):
+            for _ in train_each([Job(one, settings, seed, folder) for seed, folder in missing.items()], workers):
                 pass
         else:
-            for seed, folder in missing:
+            for seed, folder in missing.items():
                 one(settings, folder, seed=seed)
         for seed, folder in folders.items():
             require_same(folder, settings, [seed])  # a worker that began late may have read other files

@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run the command."""
     with needed_from("train", "training", whole=True):
-        from bug_gym.agents.learning.training import told_left, train_seeds  # loads torch
+        from bug_gym.agents.learning.training import left_to_train, told_left, train_seeds  # loads torch
     from bug_gym.agents.learning.settings import OfflineSettings, load_settings, read_curriculum  # loads the compiler
 
     overrides = assignments(options.overrides) | ({"n_timesteps": options.steps} if options.steps else {})
@@ -75,6 +75,7 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError(f"{settings.name} learns in worlds: only offline trainings take a dataset")
     is_elsewhere = options.cluster is not None or options.workers > 1
     options.told_left = partial(told_left, settings, options.out, **arguments, is_elsewhere=is_elsewhere)
+    left_to_train(settings, options.out, **arguments, is_elsewhere=is_elsewhere)  # before anything is collected for it
     with workers_of(options) as workers:
         arguments["workers"] = workers
         if isinstance(settings, OfflineSettings):

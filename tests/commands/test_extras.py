@@ -115,3 +115,23 @@ def test_a_model_to_start_from_is_found_out_before_the_work_with_the_nearest_nam
     assert "no model 'nope' (known:" in failed("train ppo_static --start-from nope", capsys)
     assert "no trained policy in nope: it has no config.json" in failed("train ppo_static --start-from nope/", capsys)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("--start-from nope/", "no trained policy in nope: it has no config.json"),
+        ("--start-from sac_dynamic", "sac_dynamic is of another network: its algorithm was 'sac', is now 'ppo'"),
+        ("--seed -1", "a seed is an integer from 0"),
+        ("--seeds 20000", "the number of seeds must be at most"),
+    ],
+)
+def test_nothing_is_collected_for_an_offline_training_that_cannot_begin(
+    asked: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 comes with the extra `train`")
+    pytest.importorskip("minari", reason="minari comes with the extra `data`")
+    monkeypatch.chdir(tmp_path)
+    arguments = f"train bc_hd_bug --set data.policies=[go_to_goal] --set data.episodes=2 {asked}"
+    assert said in failed(arguments, capsys)
+    assert not list(tmp_path.iterdir())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -240,6 +241,18 @@ def test_weights_that_are_none_are_refused(data: bytes, tmp_path: Path) -> None:
     put(folder, data, WEIGHTS, CONFIG)
     with pytest.raises(ValueError, match=r"policy\.safetensors cannot be read into this network"):
         rebuild(folder)
+
+
+def test_of_weights_of_other_layers_the_first_is_told(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("stable_baselines3")
+    from bug_gym.agents.learning.models import load_weights, write_weights
+
+    path = tmp_path / WEIGHTS
+    write_weights(path, torch.nn.Sequential(torch.nn.Linear(3, 8), torch.nn.Linear(8, 2)))
+    told = f"{path} cannot be read into this network: 0.weight has the shape (8, 3), expected (4, 3)"
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        load_weights(path, torch.nn.Sequential(torch.nn.Linear(3, 4)), sha256(path.read_bytes()))
 
 
 # ---------------------------------------------------------------------------------------------- folders of trainings

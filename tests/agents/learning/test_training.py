@@ -560,9 +560,6 @@ def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
     train(still, tmp_path / "second", seed=5, threads=1, tensorboard=False)
     first, second = weights(tmp_path / "first"), weights(tmp_path / "second")
     assert all(torch.allclose(first[name], second[name]) for name in first)
-    with pytest.raises(ValueError, match="cannot be read into this network"):
-        wide = tiny(policy_kwargs={"net_arch": [8]}, start_from=str(tmp_path / "first"))
-        train(wide, tmp_path / "third", threads=1, tensorboard=False)
 
 
 @pytest.mark.parametrize(
@@ -572,13 +569,25 @@ def test_a_model_can_begin_with_the_weights_of_another(tmp_path: Path) -> None:
         ({"policy_kwargs": {"activation_fn": "tanh"}}, "policy_kwargs.activation_fn was 'relu', is now 'tanh'"),
         ({"action": "discrete"}, "action was 'continuous', is now 'discrete'"),
         ({"history": [4]}, r"history was \[\], is now \[4\]"),
+        ({"policy_kwargs": {"net_arch": [8]}}, r"policy_kwargs.net_arch was \[128, 128\], is now \[8\]"),
+        ({"overrides": {"lidar.beams": 32}}, "beams was 64, is now 32"),
     ],
 )
 def test_weights_that_mean_something_else_are_not_begun_with(
     changes: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(ValueError, match=f"ppo_static is of another network: {said}"):
-        train(tiny(start_from="ppo_static", **changes), tmp_path / "model", threads=1)
+    for seeds in ([0], [0, 1]):
+        with pytest.raises(ValueError, match=f"ppo_static is of another network: {said}"):
+            train_seeds(tiny(start_from="ppo_static", **changes), tmp_path / "model", seeds=seeds, threads=1)
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(("ours", "theirs"), [("sac", "ppo"), ("ppo", "sac"), ("dqn", "ppo")])
+def test_the_network_of_another_algorithm_is_not_begun_with(ours: str, theirs: str, tmp_path: Path) -> None:
+    model = {"ppo": "ppo_static", "sac": "sac_dynamic"}[theirs]
+    settings = load_settings({"algo": ours, "scenarios": ["dynamic"], "n_timesteps": 100_000, "start_from": model})
+    with pytest.raises(ValueError, match=f"is of another network: its algorithm was '{theirs}', is now '{ours}'"):
+        train(settings, tmp_path / "model")
     assert not (tmp_path / "model").exists()
 
 
