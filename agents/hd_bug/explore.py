@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.doors import MOST_DOORS, are_near, find_doors, rooms_along, thin_out
+from bug_gym.agents.hd_bug.doors import LEAST_JUMP, MOST_DOORS, are_near, find_doors, rooms_along, thin_out
 from bug_gym.agents.hd_bug.light import SLACK, are_lit
 from bug_gym.agents.hd_bug.memory import Closing, HDBugMemory, Walls
 from bug_gym.agents.hd_bug.parameters import HDBugParameters
@@ -29,6 +29,12 @@ SOLID = 0.6
 
 BEFORE_WALL = 1.3
 """An end of sight this near behind where another node's light ends at a wall is none, in clearances."""
+
+NEAR_WALL = 1.5
+"""What a node sees so near by is known so well that there is no door into it [m]."""
+
+BEHIND_WALL = 2.0
+"""How far behind such a wall no door is, in clearances."""
 
 VISITED = 0.35
 """Without shadow: a door this near to where it has been is no more one [m]."""
@@ -140,6 +146,8 @@ class Explorer:
         dark = self._is_shadow(memory.path, outside)
         # Where sight ends right before a wall that is known from elsewhere there is no door.
         dark[jumps:] &= ~memory.path.is_before_wall(outside[jumps:], reach, BEFORE_WALL * self.clearance)
+        # Farther off beams meet a wall so far apart that there seem to be gaps.
+        dark &= ~memory.path.is_behind_wall(outside, NEAR_WALL, LEAST_JUMP, BEHIND_WALL * self.clearance)
         found = found[:count][dark]
         dropped = np.zeros(len(found), dtype=np.bool_)
         are_near(found[:, 2:4], self._taken(memory), CLOSED_ABOUT, dropped)

@@ -27,6 +27,9 @@ HEADINGS = 180
 ANGLES: F64 = np.arange(HEADINGS, dtype=np.float64) * (2.0 * math.pi / HEADINGS)
 """These headings [rad]."""
 
+SMOOTH = 4
+"""Headings to either side along which a wall without a gap goes on."""
+
 SLACK = 0.08
 """How far beyond a light area a place still counts as lit [m]: more closes real doors, less leaves doors to nowhere."""
 
@@ -151,6 +154,37 @@ def are_before_walls(places: Floats, lights: Floats, points: Floats, reach: floa
                 continue
             way = light_toward(lights[j], math.atan2(dy, dx), False)
             if way < reach - 1e-6 and math.sqrt(square) <= way + slack:
+                result[i] = True
+                break
+
+
+@kernel
+def are_behind_walls(
+    places: Floats, lights: Floats, points: Floats, near: float, jump: float, slack: float, result: Flags
+) -> None:
+    """Which of some points (m, 2) lie behind a wall without a gap that was seen from nearby.
+
+    Args:
+        places: of the light areas (n, 2) [m].
+        lights: the light areas (n, K) [m].
+        points: (m, 2) [m].
+        near: how far a light area goes there at most [m]: so near beams lie close together.
+        jump: where lengths of the light differ by this, there may be a gap [m].
+        slack: how far behind the light's end at most [m].
+        result: (m,) becomes True where it is so; the rest is left as it is.
+    """
+    count = lights.shape[1]
+    for i in range(len(points)):
+        for j in range(len(places) - 1, -1, -1):
+            dx, dy = points[i, 0] - places[j, 0], points[i, 1] - places[j, 1]
+            square = dx * dx + dy * dy
+            if square > (near + slack) ** 2:
+                continue
+            middle = int(round(math.atan2(dy, dx) / (2.0 * math.pi) * count))
+            least, most = math.inf, 0.0
+            for k in range(middle - SMOOTH, middle + SMOOTH + 1):
+                least, most = min(least, lights[j, k % count]), max(most, lights[j, k % count])
+            if most <= near and most - least < jump and math.sqrt(square) <= least + slack:
                 result[i] = True
                 break
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bug_gym.agents.hd_bug.light import HEADINGS, SLACK, are_before_walls, are_in_sight, are_lit
+from bug_gym.agents.hd_bug.light import HEADINGS, SLACK, are_before_walls, are_behind_walls, are_in_sight, are_lit
 from bug_gym.compiling import kernel
 from bug_gym.geometry import F64, Point
 from bug_gym.kernels.layout import Flags, Floats
@@ -161,6 +161,12 @@ class PathList:
         """Which of some points (m, 2) lie at most `slack` [m] behind where a node's light ends at something."""
         found = np.zeros(len(points), dtype=np.bool_)
         are_before_walls(self.places, self.lights, points, reach, slack, found)
+        return found
+
+    def is_behind_wall(self, points: F64, near: float, jump: float, slack: float) -> NDArray[np.bool_]:
+        """Which of some points (m, 2) a node has seen to lie behind a wall, as `light.are_behind_walls` says."""
+        found = np.zeros(len(points), dtype=np.bool_)
+        are_behind_walls(self.places, self.lights, points, near, jump, slack, found)
         return found
 
     def ways_from(self, start: int) -> tuple[F64, F64]:

@@ -19,7 +19,8 @@ Where the paper contradicts itself or is silent, this package decides:
    node of the list keeps its own. Shadow is what no node has lit. (light)
 2. Candidates (eq. 7, Procedure 3, Table 1). Doors: from a place v in the light to q in the shadow beside it, where the
    light jumps behind the end of an obstacle ("vertices") and where the beams end ("end point at r_max"). They are looked
-   for every pace. A door is closed when q is lit, or when it leads into an obstacle. (doors, explore)
+   for every pace. None leads into a wall that a node has seen from nearby; a door is closed when q is lit, or when it
+   leads into an obstacle. (doors, explore)
 3. Cost (eq. 8 and Table 1). J = alpha (C(s, v) + D(v, g)) + beta risk(v): C is the way over the list, D goes over q and
    on straight, risk is narrowness and movers. The least J over the whole list is chosen, and kept until it is closed or
    another is better by far. (explore)
