@@ -13,6 +13,7 @@ from bug_gym.agents.bugs.tangent_bug import TangentBug, TangentBugMemory
 from bug_gym.agents.hd_bug.memory import HDBugMemory
 from bug_gym.agents.walls.contour import TARGET_MOVED
 from bug_gym.policy import Drawing, Velocity
+from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
 
 EXTRA = 2.0
@@ -29,10 +30,15 @@ class Circumnavigation:
         sensors: what a driver knows of the robot.
         clearance: centre to wall that it keeps [m]; None: as other bugs.
         patience: how far it may go without coming nearer to the goal, in distances to it.
+        is_driven_alone: whether the robot is driven by velocities alone; else it rounds corners as TangentBug does.
     """
 
-    def __init__(self, sensors: Sensors, clearance: float | None, patience: float) -> None:
-        self.tangent_bug = TangentBug(sensors, clearance=clearance).driven_late()
+    def __init__(
+        self, sensors: Sensors, clearance: float | None, patience: float, *, is_driven_alone: bool = False
+    ) -> None:
+        self.tangent_bug = TangentBug(sensors, clearance=clearance)
+        if is_driven_alone or sensors.drive.has_inertia or sensors.drive.latency > 0:
+            self.tangent_bug.driven_late()
         self.boundary = self.tangent_bug.boundary
         """What it shares with the other bugs: clearances, and how a robot goes straight."""
         self.patience = patience
@@ -80,6 +86,10 @@ class Circumnavigation:
             memory.follow, memory.must_look = None, True
             memory.anchor, memory.anchored = view.position, 0
         return velocity
+
+    def course(self, view: View, memory: HDBugMemory, velocity: Velocity) -> Course | None:
+        """Where a velocity leads on that is along the obstacle."""
+        return self.tangent_bug.course(view, memory.follow, velocity)
 
     def draw(self, memory: HDBugMemory) -> Drawing:
         """Hit and leave points, and the wall that is followed."""

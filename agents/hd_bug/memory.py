@@ -100,6 +100,8 @@ class HDBugMemory(Memory):
     """Where it heads for, odometry frame [m]."""
     direction: float = 0.0
     """Direction of the last velocity, odometry frame [rad]."""
+    rounds_corners: bool = False
+    """Whether it goes along an obstacle as TangentBug does, on arcs round its corners."""
     is_backing: bool = False
     """Whether it drives straight back."""
     forecast: F64 = field(default_factory=lambda: np.empty((0, 0, 2)))

@@ -61,6 +61,7 @@ from bug_gym.agents.hd_bug.shown import labelled, light_ring
 from bug_gym.geometry import Point, velocity_along
 from bug_gym.kinematics import differential_action
 from bug_gym.policy import Drawing, Memory, ScriptedPolicy, Velocity
+from bug_gym.steering import Course
 from bug_gym.view import Sensors, View
 
 TRIES = 3
@@ -89,7 +90,7 @@ class HDBug(ScriptedPolicy):
     def __init__(self, sensors: Sensors, *, discrete: bool = False, **parameters: Any) -> None:
         super().__init__(sensors, discrete=discrete, **parameters)
         own = self.parameters
-        self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience)
+        self.circumnavigation = Circumnavigation(sensors, own.clearance, own.patience, is_driven_alone=discrete)
         self.boundary = self.circumnavigation.boundary
         self.perception = Perception(sensors, own, self.boundary.inner)
         self.explorer = Explorer(sensors, own, self.perception, self.boundary)
@@ -102,7 +103,7 @@ class HDBug(ScriptedPolicy):
 
     def act(self, view: View, memory: HDBugMemory) -> Velocity:
         """One decision."""
-        memory.is_backing = False
+        memory.is_backing = memory.rounds_corners = False
         scene = self.perception.perceive(view, memory)
         aim(view, memory, self.motion.speeds[0], leads=self.parameters.lead)
         self.circumnavigation.measure(view, memory)
@@ -111,6 +112,7 @@ class HDBug(ScriptedPolicy):
             return 0.0, 0.0
         movers = self.avoidance.near_movers(scene)
         if movers is not None:
+            memory.rounds_corners = False
             heading = self.avoidance.avoid(scene, memory, movers, heading, memory.chosen)
         memory.direction = heading[0]
         return velocity_along(heading[0] - view.heading, heading[1])
@@ -183,7 +185,12 @@ class HDBug(ScriptedPolicy):
         direction = math.atan2(velocity[1], velocity[0]) + view.heading
         x, y = view.position
         memory.chosen = x + memory.reach * math.cos(direction), y + memory.reach * math.sin(direction)
+        memory.rounds_corners = memory.follow is not None
         return direction, max(speed, TURNING)
+
+    def course(self, view: View, memory: Any, velocity: Velocity) -> Course | None:
+        """Along the obstacle that it goes round, where no mover is in the way."""
+        return self.circumnavigation.course(view, memory, velocity) if memory.rounds_corners else None
 
     def last_word(self, view: View, memory: Memory, action: NDArray[Any]) -> NDArray[Any]:
         """Straight back, where it has to."""

@@ -13,6 +13,7 @@ from bug_gym.agents.hd_bug.explore import LEAST_GAIN, SAFE, SAME_DOOR, SUCCESSOR
 from bug_gym.agents.hd_bug.memory import Walls
 from bug_gym.agents.hd_bug.path_list import Door
 from bug_gym.agents.hd_bug.perceive import Scene
+from bug_gym.evaluation import evaluate
 from bug_gym.geometry import Point
 from bug_gym.simulation import Simulation
 from bug_gym.view import View
@@ -100,3 +101,20 @@ def test_a_door_that_a_newer_node_sees_too_is_that_ones_unless_it_heads_for_it()
     memory.door = headed_for
     explorer._take_over(memory, np.array([[-2.1, 0.0], [0.1, 2.1], [0.0, -3.0 - 2.0 * SAME_DOOR]]))
     assert memory.path.doors == [headed_for, other] and again not in memory.path.doors
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "holonomic"])
+def test_in_a_corridor_it_sees_no_doors_in_the_walls_that_it_has_passed(kinematics: str) -> None:
+    """A dead end of 14 m whose walls 64 beams meet far apart from one another: out of it, and back along it outside."""
+    walls = [(-7.0, 0.6, 7.0, 0.8), (-7.0, -0.8, 7.0, -0.6), (6.8, -0.6, 7.0, 0.6)]
+    polygons = [[[left, low], [right, low], [right, high], [left, high]] for left, low, right, high in walls]
+    world = {"family": "explicit", "bounds": [-9, -4, 9, 4], "polygons": polygons, "start": [3, 0, 0], "goal": [3, 2.5]}
+    settings = {
+        "robot": {"kinematics": kinematics},
+        "lidar": {"beams": 64, "range": 5.0, "noise": 0.01},
+        "time": {"limit": 200.0},
+        "world": world,
+    }
+    rows = evaluate(["hd_bug"], settings, episodes=6)
+    assert all(row.success for row in rows)
+    assert np.mean([row.path_length for row in rows]) < 2.2 * rows[0].shortest_path_length

@@ -20,6 +20,7 @@ from bug_gym.agents.hd_bug.path_list import Door
 from bug_gym.agents.hd_bug.perceive import Scene
 from bug_gym.agents.hd_bug.policy import HDBug
 from bug_gym.config import load
+from bug_gym.evaluation import evaluate
 from bug_gym.reproductions import hd_bug_tables
 from bug_gym.scenarios import draw_layout
 from bug_gym.shortest_path import shortest_path
@@ -185,6 +186,35 @@ def test_the_list_is_drawn_where_the_robot_went_and_through_no_wall(scenario: st
     assert len(ends) >= 3 and not shapely.intersects(shapely.linestrings(ends), walls).any()
 
 
+def test_it_goes_round_obstacles_as_fast_as_tangent_bug() -> None:
+    """On arcs round their corners: with turns on the spot it kept 0.89 of that pace in these mazes."""
+    pace = []
+    for policy in ("hd_bug:patience=0.01", "tangent_bug"):  # it has none, and goes round what is in the way at once
+        rows = evaluate([policy], "maze", episodes=4, seed=0, overrides={"time.limit": 60.0})
+        pace.append(sum(row.path_length for row in rows) / sum(row.time for row in rows))
+    assert pace[0] >= 0.94 * pace[1]
+
+
+@pytest.mark.parametrize(
+    ("robot", "discrete", "rounds"),
+    [
+        ({}, False, True),
+        ({}, True, False),
+        ({"latency": 0.1}, False, False),
+        ({"max_acceleration": 2.0}, False, False),
+        ({"kinematics": "holonomic"}, False, False),
+    ],
+)
+def test_it_keeps_to_contours_exactly_where_it_cannot_be_driven_on_arcs(
+    robot: dict[str, Any], discrete: bool, rounds: bool
+) -> None:
+    robot = {"kinematics": "differential"} | robot
+    policy = HDBug(
+        Sensors.of(load("rooms", {f"robot.{key}": value for key, value in robot.items()})), discrete=discrete
+    )
+    assert (policy.boundary.rounding is not None) == rounds
+
+
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
 def test_what_it_draws_is_finite_and_labelled(scenario: str) -> None:
     simulation = Simulation(scenario, 1)
@@ -213,7 +243,7 @@ MUTANTS: dict[str, tuple[str, int]] = {
     "candidates": ("rooms", 0),
     "travel": ("rooms", 0),
     "goal": ("rooms", 0),
-    "risk": ("rooms", 0),
+    "risk": ("rooms", 5),
     "velocity_rule": ("rush", 5),
     "phase_1": ("rush", 2),
     "phase_2": ("rush", 35),

@@ -10,7 +10,15 @@ import shapely
 from numpy.typing import NDArray
 
 from bug_gym.agents.hd_bug.doors import MOST_DOORS, find_doors
-from bug_gym.agents.hd_bug.light import ANGLES, HEADINGS, are_before_walls, fill_walls, light_toward, measure_light
+from bug_gym.agents.hd_bug.light import (
+    ANGLES,
+    HEADINGS,
+    are_before_walls,
+    are_behind_walls,
+    fill_walls,
+    light_toward,
+    measure_light,
+)
 
 F64 = NDArray[np.float64]
 REACH, RADIUS, BEAMS = 5.0, 0.27, 360
@@ -124,3 +132,40 @@ def test_right_behind_a_wall_is_known_and_behind_an_end_of_sight_is_not() -> Non
     found = np.zeros(3, dtype=np.bool_)
     are_before_walls(np.zeros((1, 2)), light[None], points, REACH, 1.3 * RADIUS, found)
     np.testing.assert_array_equal(found, [True, False, False])
+
+
+NEAR, JUMP, BEHIND = 1.5, 0.3, 0.5
+
+
+@pytest.mark.parametrize("turn", [0, 1, 44, 137])
+@pytest.mark.parametrize(
+    ("wall", "place", "is_behind"),
+    [
+        (shapely.box(1.0, -6.0, 1.2, 6.0), 1.1, True),  # the disc stops 0.73 m away, and so much and 0.5 m is 1.23 m
+        (shapely.box(1.0, -6.0, 1.2, 6.0), 1.2, True),
+        (shapely.box(1.0, -6.0, 1.2, 6.0), 1.3, False),
+        (shapely.box(2.0, -6.0, 2.2, 6.0), 2.1, False),  # it is farther off than 1.5 m
+        (shapely.MultiPolygon([shapely.box(1.0, 0.4, 1.2, 6.0), shapely.box(1.0, -6.0, 1.2, -0.4)]), 1.2, False),
+        (shapely.box(1.0, 0.2, 1.2, 6.0), 1.2, False),  # it ends there
+    ],
+)
+def test_behind_a_wall_seen_from_nearby_is_known_unless_there_may_be_a_gap(
+    wall: shapely.Geometry, place: float, is_behind: bool, turn: int
+) -> None:
+    light, _, _ = lit(scan(wall))
+    angle = ANGLES[turn]
+    node = np.array([[3.0, -2.0]])
+    q = node + place * np.array([[math.cos(angle), math.sin(angle)]])
+    found = np.zeros(1, dtype=np.bool_)
+    are_behind_walls(node, np.roll(light, turn)[None], q, NEAR, JUMP, BEHIND, found)
+    assert found[0] == is_behind
+
+
+def test_one_node_that_has_seen_the_wall_is_enough_and_what_was_told_stays() -> None:
+    seen, _, _ = lit(scan(shapely.box(1.0, -6.0, 1.2, 6.0)))
+    places, lights = np.array([[0.0, 0.0], [0.0, 9.0]]), np.stack([seen, np.full(HEADINGS, REACH)])
+    points = np.array([[1.1, 0.0], [1.1, 9.0], [-1.1, 0.0]])
+    for order in ([0, 1], [1, 0]):
+        found = np.array([False, False, True])
+        are_behind_walls(places[order], lights[order], points, NEAR, JUMP, BEHIND, found)
+        np.testing.assert_array_equal(found, [True, False, True])
