@@ -37,7 +37,7 @@ class Circumnavigation:
         self, sensors: Sensors, clearance: float | None, patience: float, *, is_driven_alone: bool = False
     ) -> None:
         self.tangent_bug = TangentBug(sensors, clearance=clearance)
-        if is_driven_alone or sensors.drive.has_inertia or sensors.drive.latency > 0:
+        if is_driven_alone or sensors.drive.latency > 0 or self.tangent_bug.boundary.rounding is None:
             self.tangent_bug.driven_late()
         self.boundary = self.tangent_bug.boundary
         """What it shares with the other bugs: clearances, and how a robot goes straight."""
@@ -88,8 +88,8 @@ class Circumnavigation:
         return velocity
 
     def course(self, view: View, memory: HDBugMemory, velocity: Velocity) -> Course | None:
-        """Where a velocity leads on that is along the obstacle."""
-        return self.tangent_bug.course(view, memory.follow, velocity)
+        """Where a velocity along the obstacle leads on, for a robot that rounds its corners."""
+        return None if self.boundary.rounding is None else self.tangent_bug.course(view, memory.follow, velocity)
 
     def draw(self, memory: HDBugMemory) -> Drawing:
         """Hit and leave points, and the wall that is followed."""

@@ -203,6 +203,7 @@ def test_it_goes_round_obstacles_as_fast_as_tangent_bug() -> None:
         ({"latency": 0.1}, False, False),
         ({"max_acceleration": 2.0}, False, False),
         ({"kinematics": "holonomic"}, False, False),
+        ({"kinematics": "ackermann"}, False, False),
     ],
 )
 def test_it_keeps_to_contours_exactly_where_it_cannot_be_driven_on_arcs(
@@ -213,6 +214,12 @@ def test_it_keeps_to_contours_exactly_where_it_cannot_be_driven_on_arcs(
         Sensors.of(load("rooms", {f"robot.{key}": value for key, value in robot.items()})), discrete=discrete
     )
     assert (policy.boundary.rounding is not None) == rounds
+
+
+def test_a_car_that_goes_round_a_maze_says_nothing_of_a_goal_that_has_a_way() -> None:
+    # Steered straight on where a lap had led along the contour, it came to its end elsewhere and took it for closed.
+    episode = run_episode("hd_bug", "maze", {"robot.kinematics": "ackermann", "time.limit": 180.0}, seed=126)
+    assert "circumnavigation" in episode.modes and episode.verdict == ""
 
 
 @pytest.mark.parametrize("scenario", ["u_trap", "dynamic", "ring"])
