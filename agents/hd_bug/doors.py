@@ -55,12 +55,11 @@ def find_doors(
     """
     count, found = light.size, 0
     step = 2.0 * math.pi / count
-    jump = max(LEAST_JUMP, 1.2 * clearance)
     for k in range(count):
         for side in (-1, 1):
             far_k = (k + side) % count
             near, far = light[k], light[far_k]
-            if far - near <= jump:
+            if far - near <= LEAST_JUMP:
                 continue
             angle = far_k * step
             beside = angle - side * 0.5 * math.pi
@@ -72,7 +71,7 @@ def find_doors(
                 found += _add_door(vx, vy, qx, qy, px, py, clearance, doors, found)
                 along += clearance
     jumps = found
-    if light_toward(light, toward, True) >= reach - 1e-6:
+    if found < len(doors) and light_toward(light, toward, True) >= reach - 1e-6:
         found += _add_end(x, y, toward, px, py, clearance, reach, doors, found)
     return jumps, _find_ends_of_sight(light, x, y, px, py, clearance, reach, doors, found)
 

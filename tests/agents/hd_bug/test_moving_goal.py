@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bug_gym.agents.hd_bug.moving_goal import LONGEST_LEAD, MovingGoal, meeting_time
+from bug_gym.agents.hd_bug.moving_goal import LEADS, LONGEST_LEAD, LOOK_BACK, MovingGoal, meeting_time
 
 STEP = 0.1
 
@@ -52,6 +52,33 @@ def test_a_goal_that_goes_to_and_fro_is_trusted_for_less_than_it_takes_to_turn(p
     there_and_back = [abs((STEP * k) % period - 0.5 * period) for k in range(600)]
     lead = followed([(distance, 0.0) for distance in there_and_back]).trusted_lead()
     assert lead < 0.5 * period
+
+
+@pytest.mark.parametrize("steps", [*range(2, 20), 30, 100])
+def test_a_goal_that_keeps_its_velocity_is_never_mistrusted(steps: int) -> None:
+    """Nor while its first velocities rest on less than half a second."""
+    assert followed(straight((0.4, 0.3), steps)).trusted_lead() == LONGEST_LEAD
+
+
+def test_a_goal_that_stands_has_shown_nothing_whatever_the_noise_of_its_place() -> None:
+    noise = np.random.default_rng(0).uniform(-0.005, 0.005, (300, 2))
+    assert followed([(3.0 + x, -1.0 + y) for x, y in noise.tolist()]).trusted_lead() == LONGEST_LEAD
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.09, 0.2, 0.4, 0.7, 1.6, 4.0])
+def test_on_a_circle_it_is_trusted_as_long_as_that_fails_by_less_than_half_of_its_way(rate: float) -> None:
+    """The chord of the last half second foretells a place on the tangent of its middle: all of it in closed form."""
+    chord = 2.0 * math.sin(0.5 * rate * LOOK_BACK) / LOOK_BACK  # speed on a circle of 1 m [m/s]
+    shares = []
+    for ahead in LEADS:
+        went = np.array([math.cos(rate * ahead) - 1.0, math.sin(rate * ahead)])
+        behind = 0.5 * math.pi - 0.5 * rate * LOOK_BACK  # direction of the chord
+        told = chord * ahead * np.array([math.cos(behind), math.sin(behind)])
+        shares.append(math.dist(told, went) / math.hypot(*went))
+    failing = [number for number, share in enumerate(shares) if share > 0.5]
+    lead = (0.5 * LEADS[0], *LEADS)[failing[0]] if failing else LONGEST_LEAD
+    turns = [rate * STEP * number for number in range(400)]
+    assert followed([(math.cos(turn), math.sin(turn)) for turn in turns]).trusted_lead() == lead
 
 
 def test_its_memory_does_not_grow() -> None:

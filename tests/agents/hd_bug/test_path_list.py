@@ -72,6 +72,25 @@ def test_a_place_visited_again_is_the_same_node_and_keeps_the_farther_light() ->
     assert len(path) == 2
 
 
+def test_what_is_seen_farther_at_a_place_visited_again_is_lit() -> None:
+    path = PathList()
+    path.visit((0.0, 0.0), 0.0, np.full(HEADINGS, 1.0))
+    far = np.array([[3.0, 0.0], [0.0, 4.5]])
+    assert not path.is_lit(far).any()
+    path.visit((0.01, 0.0), 0.0, np.full(HEADINGS, 4.0))
+    np.testing.assert_array_equal(path.is_lit(far), [True, False])
+
+
+def test_the_robot_has_come_from_where_it_was_and_can_go_back_there_though_neither_sees_the_other() -> None:
+    """Also where that is not the last node that was made."""
+    path, dark = PathList(), np.zeros(HEADINGS)
+    first, second = path.visit((0.0, 0.0), 0.0, dark), path.visit((1.0, 0.0), 1.0, dark)
+    assert path.visit((0.0, 0.0), 2.0, dark) is first
+    third = path.visit((0.0, 1.0), 3.0, dark)
+    assert third.came_from is first and third.previous is second and second.came_from is first
+    assert path.way_to(third.number, second.number) == [third.number, first.number, second.number]
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_lit_is_what_a_light_area_holds(seed: int) -> None:
     path = wandered(seed, count=12)
@@ -113,7 +132,7 @@ def test_a_way_that_was_cut_is_gone_round_or_gone() -> None:
         path.visit((float(x), 0.0), float(x), np.full(HEADINGS, 1.5))
     assert path.way_to(2, 0) == [2, 1, 0]
     path.cut(2, 1)
-    assert path.way_to(2, 0) == []
+    assert path.way_to(2, 0) == [] == path.way_to(0, 2)
     path.visit((1.0, 0.9), 3.0, np.full(HEADINGS, 1.5))
     assert path.way_to(2, 0) == [2, 3, 0]
 
