@@ -147,7 +147,7 @@ class Explorer:
         # Where sight ends right before a wall that is known from elsewhere there is no door.
         dark[jumps:] &= ~memory.path.is_before_wall(outside[jumps:], reach, BEFORE_WALL * self.clearance)
         # Farther off beams meet a wall so far apart that there seem to be gaps.
-        dark &= ~memory.path.is_behind_wall(outside, NEAR_WALL, LEAST_JUMP, BEHIND_WALL * self.clearance)
+        dark &= ~memory.path.is_behind_wall(outside, reach, NEAR_WALL, LEAST_JUMP, BEHIND_WALL * self.clearance)
         found = found[:count][dark]
         dropped = np.zeros(len(found), dtype=np.bool_)
         are_near(found[:, 2:4], self._taken(memory), CLOSED_ABOUT, dropped)

@@ -160,7 +160,7 @@ def are_before_walls(places: Floats, lights: Floats, points: Floats, reach: floa
 
 @kernel
 def are_behind_walls(
-    places: Floats, lights: Floats, points: Floats, near: float, jump: float, slack: float, result: Flags
+    places: Floats, lights: Floats, points: Floats, reach: float, near: float, jump: float, slack: float, result: Flags
 ) -> None:
     """Which of some points (m, 2) lie behind a wall without a gap that was seen from nearby.
 
@@ -168,6 +168,7 @@ def are_behind_walls(
         places: of the light areas (n, 2) [m].
         lights: the light areas (n, K) [m].
         points: (m, 2) [m].
+        reach: range that means "nothing seen" [m].
         near: how far a light area goes there at most [m]: so near beams lie close together.
         jump: where lengths of the light differ by this, there may be a gap [m].
         slack: how far behind the light's end at most [m].
@@ -184,7 +185,7 @@ def are_behind_walls(
             least, most = math.inf, 0.0
             for k in range(middle - SMOOTH, middle + SMOOTH + 1):
                 least, most = min(least, lights[j, k % count]), max(most, lights[j, k % count])
-            if most <= near and most - least < jump and math.sqrt(square) <= least + slack:
+            if most <= near and most < reach - 1e-6 and most - least < jump and math.sqrt(square) <= least + slack:
                 result[i] = True
                 break
 

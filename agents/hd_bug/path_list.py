@@ -163,10 +163,10 @@ class PathList:
         are_before_walls(self.places, self.lights, points, reach, slack, found)
         return found
 
-    def is_behind_wall(self, points: F64, near: float, jump: float, slack: float) -> NDArray[np.bool_]:
+    def is_behind_wall(self, points: F64, reach: float, near: float, jump: float, slack: float) -> NDArray[np.bool_]:
         """Which of some points (m, 2) a node has seen to lie behind a wall, as `light.are_behind_walls` says."""
         found = np.zeros(len(points), dtype=np.bool_)
-        are_behind_walls(self.places, self.lights, points, near, jump, slack, found)
+        are_behind_walls(self.places, self.lights, points, reach, near, jump, slack, found)
         return found
 
     def ways_from(self, start: int) -> tuple[F64, F64]:

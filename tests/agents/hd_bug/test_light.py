@@ -157,7 +157,7 @@ def test_behind_a_wall_seen_from_nearby_is_known_unless_there_may_be_a_gap(
     node = np.array([[3.0, -2.0]])
     q = node + place * np.array([[math.cos(angle), math.sin(angle)]])
     found = np.zeros(1, dtype=np.bool_)
-    are_behind_walls(node, np.roll(light, turn)[None], q, NEAR, JUMP, BEHIND, found)
+    are_behind_walls(node, np.roll(light, turn)[None], q, REACH, NEAR, JUMP, BEHIND, found)
     assert found[0] == is_behind
 
 
@@ -167,5 +167,13 @@ def test_one_node_that_has_seen_the_wall_is_enough_and_what_was_told_stays() -> 
     points = np.array([[1.1, 0.0], [1.1, 9.0], [-1.1, 0.0]])
     for order in ([0, 1], [1, 0]):
         found = np.array([False, False, True])
-        are_behind_walls(places[order], lights[order], points, NEAR, JUMP, BEHIND, found)
+        are_behind_walls(places[order], lights[order], points, REACH, NEAR, JUMP, BEHIND, found)
         np.testing.assert_array_equal(found, [True, False, True])
+
+
+@pytest.mark.parametrize("reach", [1.0, 1.5])
+def test_where_sight_ends_nearby_there_is_no_wall(reach: float) -> None:
+    found = np.zeros(1, dtype=np.bool_)
+    light = np.full((1, HEADINGS), reach)
+    are_behind_walls(np.zeros((1, 2)), light, np.array([[reach + 0.1, 0.0]]), reach, NEAR, JUMP, BEHIND, found)
+    assert not found[0]
